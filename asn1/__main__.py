@@ -1,12 +1,12 @@
-"""The program: `captain-asn1`, `python -m asn1`."""
+"""Program `captain-asn1`, also run by `python -m asn1`."""
 
 import sys
 
-INTERRUPTED = 130  # as a shell reports SIGINT
+INTERRUPTED = 130  # exit status that shells use for SIGINT: 128 + 2
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command line; Ctrl-C is quiet from the first import on."""
+    """Run the command line. Ctrl-C prints no traceback, also while modules are being imported."""
     try:
         from asn1 import cli
 

@@ -1,20 +1,31 @@
-"""Command line of `captain-asn1`: messages of the standards as code. Without arguments, a menu."""
+"""Command line of `captain-asn1`. Without arguments on a terminal, it shows a menu."""
 
 import argparse
+import errno
 import sys
 from pathlib import Path
 
-from asn1 import library, output, selection
-from asn1.cpython.build import BuildError
-from asn1.importer.fault import ImportFault, MissingError
+from asn1.backends.backend import BackendError
+from asn1.backends.registry import BACKENDS
+from asn1.backends.ros2.options import DISTROS, PROFILES
+from asn1.importer.parser.fault import ImportFault, MissingError
+from asn1.model import selection
 
 PROGRAM = "captain-asn1"
 FAILED, USAGE = 1, 2
 SCHEMA = Path(__file__).parent / "schema"
+REMEDIES = {
+    errno.ENOENT: "name an existing file or directory",
+    errno.EISDIR: "name a file",
+    errno.ENOTDIR: "name a directory",
+    errno.EACCES: "check its permissions",
+    errno.EROFS: "choose a directory that is not read-only",
+    errno.ENOSPC: "free some space",
+}
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one command. Returns 0 done, 1 failed, 2 wrong usage. Raises KeyboardInterrupt."""
+    """Run one command. Returns the exit status: 0 done, 1 failed, 2 wrong usage. Raises KeyboardInterrupt on Ctrl-C."""
     argv = sys.argv[1:] if argv is None else argv
     try:
         if not argv and sys.stdin.isatty():
@@ -23,85 +34,89 @@ def main(argv: list[str] | None = None) -> int:
             return menu.run(lambda line: run(arguments().parse_args(line)))
         return run(arguments().parse_args(argv))
     except BrokenPipeError:
-        sys.stderr.close()  # the reader left: nothing to say
+        sys.stderr.close()  # the reader of the pipe has closed it; this suppresses a second error at exit
         return 0
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run a parsed command; what a user can put right is one line on stderr."""
+    """Run a parsed command. Errors of the user are printed on stderr in one line each."""
     from asn1 import commands
 
     try:
         return commands.COMMANDS[args.command](args)
     except (selection.UnknownMessageError, commands.UsageError) as error:
         return _fail(str(error), USAGE)
-    except (output.NotOursError, ImportFault, MissingError, BuildError, commands.CommandError) as error:
+    except (BackendError, ImportFault, MissingError, commands.CommandError) as error:
         return _fail(str(error))
     except BrokenPipeError:
         raise
     except OSError as error:
-        return _fail(f"{error.filename or 'input/output'}: {error.strerror}")
+        remedy = REMEDIES.get(error.errno or 0, "check the file and its device")
+        return _fail(f"{error.filename or 'input/output'}: {error.strerror}; {remedy}")
 
 
 def arguments() -> argparse.ArgumentParser:
-    """The flags; the menu asks for the same."""
+    """Return the parser of the command line. The menu builds the same arguments."""
     parser = argparse.ArgumentParser(
         prog=PROGRAM,
-        description="Messages of the ITS standards as code. Without arguments on a terminal: a menu.",
+        description="Generates code from the ASN.1 of the ITS messages. Without arguments on a terminal: a menu.",
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    one = commands.add_parser("list", help="what messages there are")
-    one.add_argument("--json", action="store_true", help="as JSON, one object a line")
+    one = commands.add_parser("list", help="print all messages, the preferred edition of each type first")
+    one.add_argument("--json", action="store_true", help="one JSON object per line")
 
     _with(one)
 
-    one = commands.add_parser("generate", help="code, pages or ASN.1 text of one, some or all messages")
+    one = commands.add_parser("generate", help="write code, pages or ASN.1 text of messages")
     one.add_argument("messages", nargs="*", metavar="MESSAGE", help="cam-1.4.1, cam (its preferred edition), 'cam-*'")
     one.add_argument("--standard", action="store_true", help="every message but the experimental ones")
     one.add_argument("--all", action="store_true", help="every message")
-    one.add_argument("--form", choices=library.FORMS, default="cmake", help="default: %(default)s")
-    one.add_argument("--to", type=Path, required=True, metavar="DIR", help="empty, new, or made by this program before")
-    one.add_argument("--profile", choices=library.PROFILES,
-                     help="of the form ros2: whose names the messages have; default: etsi_its")  # fmt: skip
+    # argparse accepts the former name --form as an abbreviation.
+    one.add_argument(
+        "--format", dest="form", choices=BACKENDS, default="cmake", help="format of the output (default: %(default)s)"
+    )
+    one.add_argument(
+        "--to", type=Path, required=True, metavar="DIR", help="folder: new, empty, or written by this program"
+    )
+    one.add_argument("--profile", choices=PROFILES,
+                     help="names of the ROS 2 messages, with --format ros2 (default: etsi_its)")  # fmt: skip
     one.add_argument("--ros2", action="store_true",
-                     help="of the forms with code: also to serialised ROS 2 messages and back")  # fmt: skip
-    one.add_argument("--distro", choices=library.DISTROS,
-                     help="of the form ros2: which ROS the Debian packages are for; default: jazzy")  # fmt: skip
+                     help="add conversion to and from serialised ROS 2 messages, with a format of code")  # fmt: skip
+    one.add_argument("--distro", choices=DISTROS,
+                     help="ROS of the Debian packages, with --format ros2 (default: jazzy)")  # fmt: skip
 
     _with(one)
 
-    one = commands.add_parser("import", help="the modules of the standards into the schema of this project")
-    one.add_argument("folder", type=Path, metavar="DIR", help="with the modules, or a list of their addresses")
+    one = commands.add_parser("import", help="import the modules of the standards into the schema")
+    one.add_argument("folder", type=Path, metavar="DIR", help="folder with the modules, or a list of their addresses")
 
-    one = commands.add_parser("import-check", help="whether an import gives the schema and codecs that are here")
-    one.add_argument("folder", type=Path, metavar="DIR")
+    one = commands.add_parser("import-check", help="check that an import gives the committed schema and codecs")
+    one.add_argument("folder", type=Path, metavar="DIR", help="folder with the modules")
 
-    one = commands.add_parser("add", help="a message of your own, from its ASN.1 files")
+    one = commands.add_parser("add", help="add a message of your own from its ASN.1 files")
+    one.add_argument("file", type=Path, nargs="+", metavar="FILE.asn", help="ASN.1 file; give all files of the message")
+    one.add_argument("--pdu", required=True, metavar="TYPE", help="top-level type of the message, in one of the files")
+    one.add_argument("--name", required=True, metavar="NAME", help="name of the message, such as my-msg")
+    one.add_argument("--id", type=int, required=True, metavar="N", help="messageID, 0 to 255")
+    one.add_argument("--port", type=int, required=True, metavar="P", help="BTP port, 0 to 65535")
     one.add_argument(
-        "file", type=Path, nargs="+", metavar="FILE.asn", help="several: modules that import from each other"
+        "--versions", type=int, nargs="+", default=[1, 2], metavar="V", help="protocolVersion, 0 to 255 (default: 1 2)"
     )
-    one.add_argument("--pdu", required=True, metavar="TYPE", help="the top-level type in one of the files")
-    one.add_argument("--name", required=True, metavar="NAME", help="what it is called: my-msg")
-    one.add_argument("--id", type=int, required=True, metavar="N", help="messageID, 0..255")
-    one.add_argument("--port", type=int, required=True, metavar="P", help="BTP port, 0..65535")
+    one.add_argument("--replace", action="store_true", help="replace your message of this name")
     one.add_argument(
-        "--versions", type=int, nargs="+", default=[1, 2], metavar="V", help="protocolVersion, 0..255; default: 1 2"
-    )
-    one.add_argument("--replace", action="store_true", help="a message of your own that has this name")
-    one.add_argument(
-        "--to", type=Path, default=SCHEMA, metavar="DIR", help="where its schema goes; default: %(default)s"
+        "--to", type=Path, default=SCHEMA, metavar="DIR", help="folder for its schema (default: %(default)s)"
     )
 
-    one = commands.add_parser("remove", help="a message of your own, added before")
-    one.add_argument("name", metavar="NAME", help="what it is called")
-    one.add_argument("--to", type=Path, default=SCHEMA, metavar="DIR", help="where its schema is; default: %(default)s")
+    one = commands.add_parser("remove", help="remove a message of your own")
+    one.add_argument("name", metavar="NAME", help="name of the message")
+    one.add_argument("--to", type=Path, default=SCHEMA, metavar="DIR", help="its folder (default: %(default)s)")
     return parser
 
 
 def _with(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--with", dest="with_", type=Path, action="append", default=[], metavar="DIR",
-                        help="messages of your own that were added to another directory")  # fmt: skip
+                        help="folder with messages that `add --to DIR` has added")  # fmt: skip
 
 
 def _fail(text: str, status: int = FAILED) -> int:

@@ -1,4 +1,4 @@
-"""What the commands of `captain-asn1` do."""
+"""Commands of `captain-asn1`."""
 
 import argparse
 import json
@@ -6,23 +6,29 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import get_args
 
-from asn1 import add, library, selection, text
+from asn1.backends.backend import Job, OwnOption
+from asn1.backends.registry import BACKENDS
+from asn1.backends.ros2.options import Ros2Options
+from asn1.model import selection, text
+from asn1.model.types import Message, Schema
 from asn1.progress import Steps
-from asn1.ros2 import RosError
-from asn1.types import Message, Schema
 
 
 class CommandError(ValueError):
-    """What a user can put right; str() says what and how."""
+    """Error of the user; str() gives error and remedy."""
 
 
 class UsageError(CommandError):
-    """A command line that makes no sense."""
+    """Invalid command line."""
 
 
 def list_messages(args: argparse.Namespace) -> int:
-    """A table of all messages, or a JSON object a line."""
+    """Print a table of all messages, or one JSON object per line.
+
+    Raises CommandError if a directory of --with has no schema, or a schema that another directory also has.
+    """
     schema = _schema(args.with_)
     if args.json:
         for message in schema.messages.values():
@@ -36,12 +42,16 @@ def list_messages(args: argparse.Namespace) -> int:
 
 
 def generate(args: argparse.Namespace) -> int:
-    """Write what was asked for, and say what to do with it."""
+    """Write the requested format, and print the next step.
+
+    Raises UsageError without messages, with contradicting choices of messages, and for an option of another format.
+    Raises CommandError if a directory of --with has no schema, or a schema that another directory also has.
+    """
     if not (args.messages or args.standard or args.all):
-        raise UsageError("generate what? name messages, or give --standard or --all")
+        raise UsageError("generate: no messages chosen; name messages, or add --standard or --all")
     if bool(args.messages) + args.standard + args.all > 1:
-        raise UsageError("names, --standard and --all exclude each other")
-    _check_form(args)
+        raise UsageError("names, --standard and --all exclude each other; use one of them")
+    _check_options(args)
     schema = _schema(args.with_)
     if args.all:
         messages = tuple(schema.messages)
@@ -49,52 +59,49 @@ def generate(args: argparse.Namespace) -> int:
         messages = selection.standard(schema)
     else:
         messages = selection.named(schema, args.messages)
-    before = _packages(args)
+    backend = BACKENDS[args.form]
+    before = backend.parts(args.to)
     changed = write(schema, messages, args)
     print(f"{args.to}: {_count(len(messages), 'message')} as {args.form}, {_count(changed, 'file')} changed")
-    if gone := sorted(before - _packages(args)):
-        print(f"removed, as they were not asked for again: {', '.join(gone)}")
-    print(library.NEXT[args.form].format(folder=args.to))
+    if gone := sorted(before - backend.parts(args.to)):
+        print(f"removed, because this call did not name them: {', '.join(gone)}")
+    print(backend.next_step.format(folder=args.to))
     return 0
 
 
-def _check_form(args: argparse.Namespace) -> None:
-    """Options that the form does not have are no wishes that nobody hears."""
-    for name in ("profile", "distro"):
-        if getattr(args, name) is not None and args.form != "ros2":
-            raise UsageError(f"--{name} is of the form ros2, not of {args.form}")
-    if args.ros2 and args.form not in library.WITH_CODE:
-        raise UsageError(f"--ros2 is of the forms {', '.join(library.WITH_CODE)}, not of {args.form}")
-
-
-def _packages(args: argparse.Namespace) -> set[str]:
-    """Names of the ROS packages in the directory that is written."""
-    return {path.parent.name for path in args.to.glob("*/package.xml")} if args.form == "ros2" else set()
+def _check_options(args: argparse.Namespace) -> None:
+    """Raise UsageError for an option that the format does not have."""
+    option: OwnOption
+    for option in get_args(OwnOption):
+        if getattr(args, option) and option not in BACKENDS[args.form].options:
+            forms = [name for name, backend in BACKENDS.items() if option in backend.options]
+            raise UsageError(
+                f"--{option}: not an option of --format {args.form}; it needs --format {' or '.join(forms)}"
+            )
 
 
 def write(schema: Schema, messages: tuple[str, ...], args: argparse.Namespace) -> int:
-    """One form into its directory; the count of files that have changed."""
-    steps = Steps(library.steps(schema, messages, args.form, args.ros2))
-    ros2 = library.Ros2(args.profile or "etsi_its", args.distro or "jazzy", args.ros2)
+    """Write one format to its directory. Returns the number of changed files."""
+    ros2 = Ros2Options(args.profile or "etsi_its", args.distro or "jazzy", args.ros2)
+    backend, job = BACKENDS[args.form], Job(schema, messages, ros2)
+    steps = Steps(backend.steps(job))
     try:
-        return library.generate(schema, messages, args.form, args.to, steps, ros2)
-    except RosError as error:
-        raise CommandError(str(error)) from error
+        return backend.write(job, args.to, steps)
     finally:
         steps.finish()
 
 
 def _schema(folders: list[Path]) -> Schema:
-    """The schema of the project, and what `add` has put into other directories."""
+    """Return the project's schema, merged with those that `add` has written to other directories."""
     schema = text.load_schema()
     modules, messages = dict(schema.modules), dict(schema.messages)
     for folder in folders:
         if not any(folder.glob("*.schema")):
-            raise CommandError(f"--with {folder}: no schema is there; `captain-asn1 add ... --to {folder}` makes one")
+            raise CommandError(f"--with {folder}: contains no schema; `captain-asn1 add ... --to {folder}` writes one")
         more = text.load_schema(folder, editions=Path(os.devnull))
         if twice := sorted(modules.keys() & more.modules):
             raise CommandError(
-                f"--with {folder}: {twice[0]}.schema is in another directory as well; remove one of the two"
+                f"--with {folder}: {twice[0]}.schema is in another directory, too; remove one of the two"
             )
         modules |= more.modules
         messages |= more.messages
@@ -102,13 +109,11 @@ def _schema(folders: list[Path]) -> Schema:
 
 
 def _with_modules(folder: Path) -> Path:
-    """A list of addresses; or a directory, where at least one file is in it that editions.toml names."""
-    from asn1.importer.editions import read_editions
+    """Return the folder, or a list of addresses. Raises CommandError for a folder without a file of editions.toml."""
+    from asn1.importer import standards
 
-    editions = [edition for edition in read_editions().modules.values() if not edition.is_ours]
-    if not folder.is_file() and not any(edition.paths(folder) for edition in editions):
-        example = editions[0].files[0]
-        raise CommandError(f"{folder}: none of the files that editions.toml names is there, as {folder / example}")
+    if not folder.is_file() and (example := standards.missing_file(folder)):
+        raise CommandError(f"{folder}: contains no file of editions.toml; name the directory with {example}")
     return folder
 
 
@@ -137,11 +142,14 @@ def _count(number: int, what: str) -> str:
 
 
 def import_standards(args: argparse.Namespace) -> int:
-    """The schema from the modules of the standards."""
-    from asn1 import importer
+    """Import the schema from the modules of the standards.
 
-    schema = importer.import_modules(_with_modules(args.folder), tell=print)
-    changed = importer.write_schema(schema)
+    Raises CommandError for a folder without any of their files.
+    """
+    from asn1.importer import standards
+
+    schema = standards.import_modules(_with_modules(args.folder), tell=print)
+    changed = standards.write_schema(schema)
     for path in changed:
         print(f"changed: {path}")
     print(f"{_count(len(schema.modules), 'module')} read, {_count(len(changed), 'schema')} changed")
@@ -149,18 +157,22 @@ def import_standards(args: argparse.Namespace) -> int:
 
 
 def check_import(args: argparse.Namespace) -> int:
-    """0 where the modules of the standards give the schema and the C that are here, else what differs and 1."""
-    from asn1 import importer
+    """Import the standards' modules and compare: print each difference from the schema and the C of this tree.
 
-    here, imported = _schema([]), importer.import_modules(_with_modules(args.folder), tell=print)
-    lines = importer.compare(imported, args.folder)
+    Returns 0 without a difference, else 1. Raises CommandError for a folder without any file of the standards.
+    """
+    from asn1.backends.c.form import differences
+    from asn1.importer import standards
+
+    here, imported = _schema([]), standards.import_modules(_with_modules(args.folder), tell=print)
+    lines = standards.compare(imported, args.folder)
     for line in lines:
         print(line)
     if lines:
         print("the schema differs", file=sys.stderr)
         return 1
     messages = tuple(name for name in imported.messages if name in here.messages)
-    files = library.differences(here, imported, messages)
+    files = differences(here, imported, messages)
     for file in files:
         print(f"differs: {file}")
     if files:
@@ -170,10 +182,15 @@ def check_import(args: argparse.Namespace) -> int:
 
 
 def add_message(args: argparse.Namespace) -> int:
-    """A message of the user's own."""
+    """Add a user-defined message.
+
+    Raises CommandError if its file, name, messageID or port is invalid.
+    """
+    from asn1.own import add
+
     first, *others = args.file
     versions = tuple(args.versions)
-    wish = add.Wish(first, args.pdu, args.name, args.id, args.port, versions, args.replace, tuple(others))
+    wish = add.UserRequest(first, args.pdu, args.name, args.id, args.port, versions, args.replace, tuple(others))
     try:
         added = add.add(wish, _schema([]), args.to)
     except add.WishError as error:
@@ -183,26 +200,28 @@ def add_message(args: argparse.Namespace) -> int:
     for note in added.notes:
         print(note)
     for standard in dict.fromkeys(added.imported):
-        print(f"it takes types from {standard}")
+        print(f"types are imported from {standard}")
     if added.same_id:
-        print(f"messageID {wish.id} also announces {', '.join(added.same_id)}: captain decode tries them in turn")
+        print(f"messageID {wish.id} is also that of {', '.join(added.same_id)}; `captain decode` tries all of them")
     if added.unannounced:
         print(
-            f"captain-asn1: warning: octets 0 and 1 will not be protocolVersion and messageID: {added.unannounced}\n"
-            f"  captain decode cannot find it by messageID {wish.id}: --edition {wish.name} is needed\n"
-            "  (a SEQUENCE without ... and OPTIONAL, with an ItsPduHeader first, is found)",
+            f"captain-asn1: warning: octets 0 and 1 are not protocolVersion and messageID: {added.unannounced}.\n"
+            f"  `captain decode` does not find it by messageID {wish.id} and needs --edition {wish.name}.\n"
+            "  Begin with an ItsPduHeader, in a SEQUENCE without ... and OPTIONAL.",
             file=sys.stderr,
         )
     if args.to == text.SCHEMA:
-        print(f"{wish.name}: in the Python module and captain decode after `make codec`; in C by captain-asn1 generate")
+        print(f"next: `make codec` builds {wish.name} into the Python module; captain-asn1 generate makes C")
     else:
-        command = f"captain-asn1 generate {wish.name} --with {args.to} --form FORM --to DIR"
-        print(f"in the Python module and in C by `{command}`")
+        command = f"captain-asn1 generate {wish.name} --with {args.to} --format FORM --to DIR"
+        print(f"next: `{command}`")
     return 0
 
 
 def remove_message(args: argparse.Namespace) -> int:
-    """A message of the user's own is taken away again."""
+    """Remove a user-defined message. Raises CommandError if no message has this name."""
+    from asn1.own import add
+
     try:
         paths = add.remove(args.name, args.to)
     except add.WishError as error:

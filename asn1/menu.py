@@ -1,4 +1,4 @@
-"""The same as the flags, asked for: numbered questions and plain input, in any terminal."""
+"""Menu of `captain-asn1`: asks for the arguments of a command, in any terminal."""
 
 import shlex
 import textwrap
@@ -7,21 +7,24 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from asn1 import library, text
+from asn1.backends.backend import OwnOption
+from asn1.backends.registry import BACKENDS
+from asn1.backends.ros2.options import DISTROS, PROFILES
+from asn1.model import text
 
-WIDTH = 78  # columns of the smallest terminal, and a margin
+WIDTH = 78  # columns: a terminal of 80 columns, less a margin
 Run = Callable[[list[str]], int]
 """Runs a command line without the program's name and returns its exit status."""
 Check = Callable[[str], str | None]
-"""What is wrong with an answer."""
+"""Returns the error of an answer, or None."""
 
 
-class Left(Exception):  # noqa: N818 no error: the user has had enough of a question
-    """An empty answer where there is no default."""
+class Left(Exception):  # noqa: N818 not an error: the user left a question
+    """Raised for an empty answer to a question without a default."""
 
 
 class Option(NamedTuple):
-    """A line of a menu: what is shown, and what it stands for."""
+    """A line of a menu: its text, and the command-line words that it adds."""
 
     text: str
     words: tuple[str, ...]
@@ -40,15 +43,15 @@ WHICH = (
     Option("all, experimental ones too", ("--all",)),
     Option("some, by name", ()),
 )
-PROFILE = tuple(Option(text, ("--profile", profile)) for profile, text in library.PROFILES.items())
-DISTRO = tuple(Option(name, ("--distro", name)) for name in library.DISTROS)
-FORM = tuple(Option(text, ("--form", form)) for form, text in library.FORMS.items())
+PROFILE = tuple(Option(text, ("--profile", profile)) for profile, text in PROFILES.items())
+DISTRO = tuple(Option(name, ("--distro", name)) for name in DISTROS)
+FORM = tuple(Option(backend.summary, ("--format", name)) for name, backend in BACKENDS.items())
 
 
 def run(run_command: Run) -> int:
-    """Ask, run, and ask again until the user leaves. Returns the exit status of the last command."""
+    """Ask for a command and run it, until the user leaves. Returns the exit status of the last command."""
     status = 0
-    print("Messages of the ITS standards as code. An empty answer goes back, q ends.")
+    print("Generates code from the ASN.1 of the ITS messages. An empty answer goes back, q ends.")
     while True:
         try:
             words = list(choose("What do you want to do?", FIRST))
@@ -63,12 +66,12 @@ def run(run_command: Run) -> int:
         print(f"\n$ captain-asn1 {shlex.join(line)}")
         try:
             status = run_command(line)
-        except SystemExit as error:  # argparse has said what is wrong
+        except SystemExit as error:  # argparse has already printed the error
             status = int(error.code or 0)
 
 
 def choose(question: str, options: Sequence[Option]) -> tuple[str, ...]:
-    """One of the options by its number. Raises Left."""
+    """Ask for one of the options by number, and return its words. Raises Left for an empty answer."""
     print(f"\n{question}")
     for number, option in enumerate(options, 1):
         print(f"  {number}  {option.text}")
@@ -76,11 +79,14 @@ def choose(question: str, options: Sequence[Option]) -> tuple[str, ...]:
         answer = ask("number")
         if answer.isdecimal() and 1 <= int(answer) <= len(options):
             return options[int(answer) - 1].words
-        print(f"  {answer!r} is none of 1 to {len(options)}")
+        print(f"  {answer!r}: out of range; 1 to {len(options)}")
 
 
 def ask(what: str, default: str = "") -> str:
-    """A line of text; an empty one means the default. Raises Left, and EOFError for q and at the end of input."""
+    """Ask for a line of text; an empty answer means the default.
+
+    Raises Left for an empty answer without a default, EOFError for q and at the end of input.
+    """
     answer = input(f"{what} [{default}]: " if default else f"{what}: ").strip() or default
     if answer == "q":
         raise EOFError
@@ -90,7 +96,7 @@ def ask(what: str, default: str = "") -> str:
 
 
 def ask_for(what: str, wrong: Check, default: str = "") -> str:
-    """As `ask`, again until nothing is wrong with the answer."""
+    """Ask like `ask`, and repeat the question until `wrong` returns no error."""
     while True:
         answer = ask(what, default)
         reason = wrong(answer)
@@ -100,7 +106,7 @@ def ask_for(what: str, wrong: Check, default: str = "") -> str:
 
 
 def ask_yes(what: str) -> bool:
-    """Whether the answer is yes; anything else is no. Raises EOFError."""
+    """Ask a yes-or-no question. Every answer other than y or yes means no. Raises EOFError for q."""
     answer = input(f"{what} [y/N]: ").strip().lower()
     if answer == "q":
         raise EOFError
@@ -116,30 +122,35 @@ def _generate(words: list[str]) -> list[str]:
     if not which:
         print(textwrap.fill("  ".join(text.load_schema().messages), WIDTH))
         which = shlex.split(ask("names, with blanks between (cam, denm-1.3.1, 'cpm-*')"))
-    form = choose("In which form?", FORM)
-    folder, more = f"build/{form[1]}", []
-    if form[1] == "ros2":
-        more += [*choose("With whose names?", PROFILE), *choose("For which ROS?", DISTRO)]
-        folder = "build/ros2-packages"  # build/ros2 holds the ROS of the tests
-    elif form[1] in library.WITH_CODE and ask_yes(
-        "to serialised ROS 2 messages and back as well, as its gateway needs"
-    ):
-        more.append("--ros2")
-    return [*words, *which, *form, *more, "--to", ask("into which directory", default=folder)]
+    form = choose("Which format?", FORM)
+    backend = BACKENDS[form[1]]
+    more = [word for option in backend.options for word in OWN_OPTIONS[option]()]
+    return [*words, *which, *form, *more, "--to", ask("into which directory", default=backend.default_folder())]
+
+
+def _ros2() -> tuple[str, ...]:
+    return ("--ros2",) if ask_yes("add conversion to serialised ROS 2 messages and back; the gateway needs it") else ()
+
+
+OWN_OPTIONS: dict[OwnOption, Callable[[], tuple[str, ...]]] = {
+    "profile": lambda: choose("Names of the messages?", PROFILE),
+    "distro": lambda: choose("For which ROS?", DISTRO),
+    "ros2": _ros2,
+}
 
 
 def _add(words: list[str]) -> list[str]:
     files = shlex.split(ask_for("the .asn file, or several with blanks between", _no_files))
     pdu = ask_for("its top-level type", partial(_no_type, [Path(file) for file in files]))
-    name = ask_for("what the message is to be called", _no_name, default=pdu.lower())
+    name = ask_for("name of the message", _no_name, default=pdu.lower())
     more = _replacing(name)
-    number = ask_for("its messageID, 0..255", partial(_no_number, 255))
-    port = ask_for("its BTP port, 0..65535", partial(_no_number, 65535))
+    number = ask_for("its messageID, 0 to 255", partial(_no_number, 255))
+    port = ask_for("its BTP port, 0 to 65535", partial(_no_number, 65535))
     return [*words, *files, "--pdu", pdu, "--name", name, "--id", number, "--port", port, *more]
 
 
 def _replacing(name: str) -> list[str]:
-    """What says that a message of the user's own goes for the new one. Raises Left where it is to stay."""
+    """Return the option that replaces an existing message, if the user agrees. Raises Left if not."""
     if not (text.SCHEMA / f"{name}.toml").exists():
         return []
     if not ask_yes(f"{name} already exists; replace it?"):
@@ -150,7 +161,7 @@ def _replacing(name: str) -> list[str]:
 def _remove(words: list[str]) -> list[str]:
     mine = [one.name for one in text.load_schema().messages.values() if (text.SCHEMA / f"{one.name}.toml").exists()]
     if not mine:
-        print("  no message of your own is here")
+        print("  you have not added a message")
         raise Left
     return [*words, *choose("Which one?", [Option(name, (name,)) for name in mine])]
 
@@ -160,24 +171,24 @@ def _no_files(answer: str) -> str | None:
         missing = [file for file in shlex.split(answer) if not Path(file).is_file()]
     except ValueError as error:
         return f"{answer}: {error}"
-    return f"there is no file {missing[0]}" if missing else None
+    return f"{missing[0]}: file not found" if missing else None
 
 
 def _no_type(files: list[Path], answer: str) -> str | None:
-    from asn1 import add
+    from asn1.own import add
 
     return add.no_type(files, answer)
 
 
 def _no_name(answer: str) -> str | None:
-    from asn1 import add
+    from asn1.own import add
 
     return add.no_name(answer, text.load_schema())
 
 
 def _no_number(high: int, answer: str) -> str | None:
     is_one = answer.isdecimal() and int(answer) <= high
-    return None if is_one else f"{answer!r} is no number from 0 to {high}"
+    return None if is_one else f"{answer!r}: out of range; 0 to {high}"
 
 
 def _folder(words: list[str]) -> list[str]:

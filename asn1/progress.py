@@ -1,13 +1,16 @@
-"""How far a long command is, on standard error: one line that changes on a terminal, one line a step elsewhere."""
+"""Progress of a long command on stderr.
+
+On a terminal it is one updated line, otherwise a line per step.
+"""
 
 import sys
 from typing import TextIO
 
-WIDTH = 60  # columns: what was there before is overwritten
+WIDTH = 60  # columns; lines are padded to it, to overwrite the previous one
 
 
 class Steps:
-    """Counted steps; total: how many there will be."""
+    """Counter of steps, with progress output. total: number of steps."""
 
     def __init__(self, total: int, stream: TextIO | None = None) -> None:
         self._stream = stream or sys.stderr
@@ -15,7 +18,7 @@ class Steps:
         self._done = 0
 
     def __call__(self, what: str) -> None:
-        """A step begins."""
+        """Begin a step, and print it."""
         self._done += 1
         line = f"[{self._done:{len(str(self._total))}}/{self._total}] {what}"
         if self._stream.isatty():
@@ -24,6 +27,6 @@ class Steps:
             print(line, file=self._stream)
 
     def finish(self) -> None:
-        """Leave a clean line for what comes next."""
+        """Clear the line of a terminal."""
         if self._stream.isatty():
             print("\r" + " " * WIDTH, end="\r", file=self._stream, flush=True)

@@ -1,11 +1,11 @@
-"""The board file: what is soldered, and nothing of what is wanted. Every table of it may be left out."""
+"""Board file as frozen dataclasses: soldered hardware; every table is optional."""
 
 import re
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from board.describe import Check, Range
-from board.errors import ConfigurationError
+from board.runtime.describe import Check, Range
+from board.runtime.errors import ConfigurationError
 from board.topology import parse
 
 Address = Annotated[int, Range(0x08, 0x77)]
@@ -21,22 +21,22 @@ def _place(text: str) -> None:
 
 def _usb_id(text: str) -> None:
     if not USB_ID.fullmatch(text):
-        hint = "vendor:product as lsusb shows them, four small hexadecimal digits each: 1546:01a9"
-        raise ConfigurationError(f"{text!r} is no id of a USB device", hint)
+        hint = "write vendor:product as in lsusb, four lower-case hexadecimal digits each: 1546:01a9"
+        raise ConfigurationError(f"invalid id of a USB device: {text!r}", hint)
 
 
 @dataclass(frozen=True)
 class LineDescription:
-    """[lines.<name>]: an output, of the Pi or of an expander; it has one of chip, line and expander.
+    """[lines.<name>]: an output of the Pi or of an expander. Give one of chip, line and expander.
 
     chip        label of a GPIO chip (`pinctrl-bcm2711`), its name (`gpiochip0`) or its path; with offset.
-    offset      of the line in its chip.
+    offset      number of the line in its chip.
     line        the kernel's name of a line (`GPIO18`), in place of chip and offset.
     expander    name of a chip in [expanders]; with pin.
-    pin         of the expander, 0 to 15.
-    active_low  whether active is the low voltage.
-    open_drain  whether only low is driven.
-    initial     what it is set to when the station starts; `keep` leaves it as it is found.
+    pin         pin of the expander.
+    active_low  the line is active at low voltage.
+    open_drain  only the low level is driven.
+    initial     state when the station starts; `keep` leaves it as it is.
     """
 
     chip: str = ""
@@ -51,14 +51,22 @@ class LineDescription:
 
 @dataclass(frozen=True)
 class BusDescription:
-    """[buses.<name>]: an I2C bus: /dev/i2c-1, or `sim` on the simulated board."""
+    """[buses.<name>]: an I2C bus.
+
+    path  such as /dev/i2c-1, or `sim` on the simulated board.
+    """
 
     path: str
 
 
 @dataclass(frozen=True)
 class ChipDescription:
-    """[expanders.<name>]: a PCA9555 and its like."""
+    """[expanders.<name>]: a GPIO expander.
+
+    bus      name of a bus in [buses].
+    address  address at the bus.
+    kind     type of the chip.
+    """
 
     bus: str
     address: Address
@@ -67,12 +75,17 @@ class ChipDescription:
 
 @dataclass(frozen=True)
 class RailDescription:
-    """[rails.<name>]: a supply that is measured.
+    """[rails.<name>]: a measured supply.
 
-    hwmon     name of the kernel's driver (`ina226`) where that owns the chip; else it is read by bus and address.
-    shunt_ohm resistance that the current flows through.
-    channel   of an INA3221, 1 to 3.
-    min_v, max_v, max_a  what it should stay within; none: not watched.
+    kind       type of the chip.
+    bus        name of a bus in [buses].
+    address    address at the bus.
+    hwmon      name of the kernel's driver (`ina226`), if the kernel has the chip. Empty: read by bus and address.
+    shunt_ohm  resistance of the shunt.
+    channel    channel of an INA3221.
+    min_v      lowest permitted voltage. Left out: not checked.
+    max_v      highest permitted voltage. Left out: not checked.
+    max_a      highest permitted current. Left out: not checked.
     """
 
     kind: Literal["ina219", "ina226", "ina3221"]
@@ -88,18 +101,29 @@ class RailDescription:
 
 @dataclass(frozen=True)
 class TemperatureDescription:
-    """[temperatures.<name>]: tmp102 at a bus, `hwmon` by the name of its driver, `thermal` by the type of its zone."""
+    """[temperatures.<name>]: a temperature sensor.
+
+    kind     `tmp102`: a chip at a bus; `hwmon`: a hwmon device of the kernel; `thermal`: a thermal zone of the kernel.
+    bus      name of a bus in [buses].
+    address  address at the bus.
+    source   name of the hwmon device, or type of the thermal zone (`cpu-thermal`).
+    max_c    highest permitted temperature. Left out: not checked.
+    """
 
     kind: Literal["tmp102", "hwmon", "thermal"]
     bus: str = ""
     address: Address = 0x48
-    source: str = ""  # name of the hwmon device, or type of the thermal zone: cpu-thermal
+    source: str = ""
     max_c: float | None = None
 
 
 @dataclass(frozen=True)
 class FanDescription:
-    """[fan]: hwmon is the name of its driver (pwmfan, emc2305)."""
+    """[fan]: the fan.
+
+    hwmon    name of its kernel driver (`pwmfan`, `emc2305`).
+    channel  number of the fan at its driver.
+    """
 
     hwmon: str
     channel: Annotated[int, Range(1, 8)] = 1
@@ -107,7 +131,11 @@ class FanDescription:
 
 @dataclass(frozen=True)
 class IdentityDescription:
-    """[identity]: an ID EEPROM at a bus; without a bus, what the firmware left in the device tree."""
+    """[identity]: ID EEPROM of a HAT.
+
+    bus      name of a bus in [buses]. Empty: what the firmware left in the device tree.
+    address  address at the bus.
+    """
 
     bus: str = ""
     address: Address = 0x50
@@ -115,17 +143,18 @@ class IdentityDescription:
 
 @dataclass(frozen=True)
 class SlotDescription:
-    """[slots.<name>]: one M.2 or mPCIe place.
+    """[slots.<name>]: one M.2 or mPCIe slot.
 
-    title     what is meant to sit in it.
-    usb       topology path of its USB port: `1-1.3` is port 3 of the hub in port 1 of bus 1; empty: not known.
-    ids       vendor:product that belong in it (`1546:01a9`); empty: anything.
-    power     name of the line that switches its supply.
+    title     module for which the slot is meant.
+    usb       topology path of its USB port: `1-1.3` is port 3 of the hub in port 1 of bus 1. Empty: unknown.
+    ids       vendor:product of its devices (`1546:01a9`). Empty: any.
+    power     name of the line that switches its supply. Empty: see `hub_port`; without either, the station
+              deauthorizes the USB device.
     reset     name of the line that holds it in reset while active.
-    hub_port  whether its hub switches the port's power.
-    settle_s  from power to the release of reset.
-    wait_s    from there until its device must have appeared.
-    off_s     that it stays without power in a power cycle.
+    hub_port  the USB hub switches the power of the port.
+    settle_s  time from power to the release of reset.
+    wait_s    time from there until its device must have appeared.
+    off_s     time without power in a power cycle.
     """
 
     title: str = ""
@@ -141,14 +170,16 @@ class SlotDescription:
 
 @dataclass(frozen=True)
 class PulseDescription:
-    """[pulse]: the input that a receiver's pulse per second comes to; it has one of device, chip, line and kind.
+    """[pulse]: the input of a receiver's pulse per second. Give one of device, chip, line and kind.
 
-    device      of the kernel, which stamps pulses: `/dev/pps0`, by the overlay pps-gpio.
-    chip, offset, line  of a GPIO line, as in [lines]: its edges are stamped by the kernel as well.
-    kind        `simulated`: drivers/sim plays it, with the board.
-    edge        that begins the second.
-    latency_ns  how late a stamp may be without any pulse showing it: interrupt, antenna cable, level shifter.
-    interface   of the receiver; empty: the only one that announces pulses.
+    device      PPS device of the kernel, such as `/dev/pps0` of the overlay pps-gpio.
+    chip        GPIO chip as in [lines], without a PPS device: the kernel stamps edges of GPIO lines too.
+    offset      number of the line in its chip.
+    line        the kernel's name of a line, in place of chip and offset.
+    kind        `simulated`: the simulated board has the pulse.
+    edge        edge of the voltage that begins the second; for a PPS device, the edge that its overlay calls assert.
+    latency_ns  largest delay of a time stamp, by interrupt, antenna cable and level shifter. Pulses cannot show it.
+    interface   interface of the receiver. Empty: the only one that announces pulses.
     """
 
     device: str = ""
@@ -162,15 +193,26 @@ class PulseDescription:
 
     @property
     def where(self) -> str:
-        """The input in words."""
+        """Name of the pulse input, for messages."""
         return self.device or self.line or (f"{self.chip} line {self.offset}" if self.chip else self.kind)
 
 
 @dataclass(frozen=True)
 class Hardware:
-    """All of it.
+    """Hardware of a board: its soldered parts, without settings of the station.
 
-    simulated  whether drivers/sim plays the parts.
+    name          name of the board in status.
+    description   one line about the board.
+    simulated     the program simulates all parts.
+    lines         outputs.
+    buses         I2C buses.
+    expanders     GPIO expanders.
+    rails         measured supplies.
+    temperatures  temperature sensors.
+    fan           the fan.
+    identity      ID EEPROM of a HAT.
+    slots         slots for modules.
+    pulse         input of the pulse per second.
     """
 
     name: str

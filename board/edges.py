@@ -1,4 +1,4 @@
-"""A GPIO line whose edges the kernel stamps, in the interrupt that they cause."""
+"""GPIO input line with edges stamped by the kernel's interrupt."""
 
 import errno
 import os
@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from board.description import LineDescription
-from board.errors import InterfaceError
 from board.gpiochip import DEV, library, place, request, told
+from board.runtime.errors import InterfaceError
 
 Kind = Literal["rising", "falling"]
 
-# Events that the kernel keeps until they are read; of more, the newest.
+# Number of events that the kernel keeps until they are read. If there are more, it keeps the newest.
 BUFFER = 16
 
 NO_INTERRUPT = "the chip has no interrupt for this line: take another line, best one of the Pi itself"
@@ -20,9 +20,9 @@ NO_INTERRUPT = "the chip has no interrupt for this line: take another line, best
 class Edge(NamedTuple):
     """A change of a line's voltage.
 
-    sequence      the kernel's count of this line's edges since it was asked for, from 1; wraps at 2**32.
-    monotonic_ns  CLOCK_MONOTONIC of the interrupt. The kernel could stamp by CLOCK_REALTIME as well, since 5.11: that
-                  is stepped, and nobody could tell whether it was between the interrupt and the moment of reading.
+    sequence      the kernel's number of this edge on its line, from 1 after the request; wraps at 2**32.
+    monotonic_ns  CLOCK_MONOTONIC at the interrupt. Since 5.11, the kernel could also stamp by CLOCK_REALTIME. That
+                  clock is stepped, and a step between interrupt and read could not be detected.
     """
 
     sequence: int
@@ -30,13 +30,13 @@ class Edge(NamedTuple):
 
 
 class EdgeLine:
-    """An input of a GPIO chip, ours alone until it is closed; its descriptor is ready when there are edges.
+    """Exclusive input line of a GPIO chip, until it is closed. Its descriptor is readable when edges are waiting.
 
-    description  of which chip, offset and line count. Rising and falling are of the voltage.
+    description  only chip, offset and line are used. Rising and falling refer to the voltage.
     """
 
     def __init__(self, description: LineDescription, kind: Kind = "rising", dev: Path = DEV) -> None:
-        """Raises InterfaceError when the line is absent, taken, not permitted or without interrupt."""
+        """Request the line. Raises InterfaceError if it is absent, in use, not permitted or without interrupt."""
         gpiod = library()
         self.where = place(description, dev)
         settings = gpiod.LineSettings(
@@ -57,7 +57,7 @@ class EdgeLine:
         return int(self._request.fd)
 
     def read(self, most: int = BUFFER) -> list[Edge]:
-        """Edges that have come, in their order, so many at most. Raises InterfaceError when the chip is gone."""
+        """Return the waiting edges in order, `most` at most. Raises InterfaceError if the chip is gone."""
         with told(self.where):
             try:
                 events: list[Any] = self._request.read_edge_events(most)
@@ -66,10 +66,10 @@ class EdgeLine:
         return [Edge(event.line_seqno, event.timestamp_ns) for event in events]
 
     def check(self) -> None:
-        """Raises InterfaceError when the chip is gone: it tells nobody who only waits for edges."""
+        """Check for the chip. Raises InterfaceError if it is gone; a wait for edges would not notice that."""
         with told(self.where):
             self._request.get_value(self._offset)
 
     def close(self) -> None:
-        """Give it back; idempotent."""
+        """Release the line; idempotent."""
         self._request.release()

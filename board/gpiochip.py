@@ -1,4 +1,4 @@
-"""Lines of GPIO chips by libgpiod v2: found by chip or by name, asked for, and its errors as ours."""
+"""GPIO lines by libgpiod v2: lookup, request, and its errors as ours."""
 
 import contextlib
 import errno
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from board.description import LineDescription
-from board.errors import InterfaceError
+from board.runtime.errors import InterfaceError
 
 DEV = Path("/dev")
 
@@ -16,12 +16,12 @@ HINTS = {
     errno.EBUSY: "`gpioinfo` lists lines and their users",
     errno.EACCES: "add the user to the group gpio: `sudo adduser USER gpio`",
     errno.EPERM: "add the user to the group gpio: `sudo adduser USER gpio`",
-    errno.EINVAL: "`gpioinfo` shows what the chip has: offset, and whether it can do open drain",
+    errno.EINVAL: "see `gpioinfo` for the offsets of the chip and its support of open drain",
 }
 
 
 def library() -> Any:
-    """libgpiod v2: 49 ms that a station without lines saves. Raises InterfaceError where it is not."""
+    """Import libgpiod v2 at its first use, which takes 49 ms. Raises InterfaceError if it is not installed."""
     try:
         import gpiod
         import gpiod.line
@@ -32,29 +32,31 @@ def library() -> Any:
 
 
 def place(description: LineDescription, dev: Path = DEV) -> str:
-    """Where a line is, for messages."""
+    """Return the place of a line, for messages."""
     return description.line or f"{_named(description, dev)}, line {description.offset}"
 
 
 def request(description: LineDescription, dev: Path, settings: Any, **more: Any) -> tuple[Any, int]:
-    """Ask for a line: gpiod's LineRequest, ours alone until it is released, and the line's offset in its chip.
+    """Request exclusive use of a line; return gpiod's LineRequest, and the line's offset in its chip.
 
-    settings  gpiod.LineSettings; more: for Chip.request_lines().
-    Raises InterfaceError when the line is absent, taken or not permitted.
+    settings  gpiod.LineSettings of the line.
+    more      further arguments of Chip.request_lines().
+
+    Raises InterfaceError if the line is absent, in use or not permitted.
     """
     with told(place(description, dev)), _opened(library(), description, dev) as (chip, offset):
         try:
             return chip.request_lines({offset: settings}, consumer="captain", **more), offset
         except OSError as error:
             if error.errno == errno.EBUSY:
-                user = chip.get_line_info(offset).consumer or "somebody unnamed"
+                user = chip.get_line_info(offset).consumer or "an unnamed user"
                 raise InterfaceError(f"{place(description, dev)}: in use by {user}", _busy_hint(user)) from error
             raise
 
 
 @contextlib.contextmanager
 def told(where: str) -> Iterator[None]:
-    """Errors of gpiod as ours."""
+    """Translate errors of gpiod. Raises InterfaceError, with the place and a remedy, for each of them."""
     try:
         yield
     except (OSError, ValueError) as error:
@@ -66,27 +68,27 @@ def told(where: str) -> Iterator[None]:
 
 
 def _busy_hint(user: str) -> str:
-    """pps-gpio calls itself `pps`, or `pps@12` after its node of the device tree."""
+    """Return the remedy for a line in use. The driver pps-gpio is named `pps`, or `pps@12` by its device-tree node."""
     if user.startswith("pps"):
         return "the kernel's own driver stamps its edges: take /dev/pps0 instead"
     return HINTS[errno.EBUSY]
 
 
 def _named(description: LineDescription, dev: Path) -> str:
-    """A chip that is given by name or path has a path; any other word is a label."""
+    """Return the path of a chip that is given by name or path, or its label."""
     chip = description.chip
     return str(dev / chip) if chip.startswith(("/", "gpiochip")) else chip
 
 
 @contextlib.contextmanager
 def _opened(gpiod: Any, description: LineDescription, dev: Path) -> Iterator[tuple[Any, int]]:
-    """The chip that has the line, and the line's offset in it; closed when the request is made."""
+    """Open the chip of the line; yield it with the line's offset, and close it afterwards."""
     named = _named(description, dev)
     if named.startswith("/"):
         with gpiod.Chip(named) as chip:
             yield chip, description.offset
         return
-    # Numbers of chips change from boot to boot; a link to a chip (Raspberry Pi OS has gpiochip4 -> gpiochip0) is none.
+    # Numbers of chips change between boots. Links are skipped: Raspberry Pi OS links gpiochip4 to gpiochip0.
     for path in sorted(path for path in dev.glob("gpiochip*") if not path.is_symlink()):
         with gpiod.Chip(str(path)) as chip:
             offset = _offset_in(chip, description)
@@ -99,7 +101,7 @@ def _opened(gpiod: Any, description: LineDescription, dev: Path) -> Iterator[tup
 
 
 def _offset_in(chip: Any, description: LineDescription) -> int | None:
-    """Offset of the described line, where this chip has it."""
+    """Return the offset of the described line in this chip; None if it is on another."""
     if description.chip:
         return description.offset if chip.get_info().label == description.chip else None
     try:

@@ -1,39 +1,40 @@
-"""Rails, temperatures and fan, read every few seconds by the worker: the last values, and whether they are as they
-should be."""
+"""Rails, temperatures and fan: last readings of the worker, compared with limits."""
 
 import logging
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple, Protocol
 
 from board.description import Hardware
-from board.errors import InterfaceError
-from board.loop import Loop, Timer
+from board.runtime.errors import InterfaceError
+from board.runtime.loop import Loop, Timer
 
 PERIOD_S = 5.0
-# What does not answer is asked less and less often: a stuck bus may cost a worker each time.
+# A reading that fails is retried less and less often, up to this period: a stuck bus may cost a worker each time.
 LONGEST_S = 60.0
-# Of a limit, that a value must come back within: one that wavers about the limit is said once.
+# Hysteresis as a fraction of the limit: a value that wavers about a limit is reported once.
 MARGIN = 0.005
 
 log = logging.getLogger("captain.board")
 
 
 class Asks(Protocol):
-    """As much of Remote as this needs."""
+    """Part of BoardWorker that Health uses."""
 
     def ask(self, do: str, arguments: Mapping[str, object], done: Callable[[Any], None]) -> None: ...
 
 
-# A fan that stands still at this or more is stuck or unplugged; below it many do not start. Turning ones count more.
+# A fan slower than STILL_RPM is stuck or unplugged if it is driven with DRIVEN_PERCENT or more. Many fans do not start
+# with less drive.
 DRIVEN_PERCENT = 30.0
 STILL_RPM = 60.0
 
 
 class Limit(NamedTuple):
-    """What a quantity must not be below or above.
+    """Lower or upper limit of a quantity.
 
-    quantity  v, a, c, rpm; what has no value of it crosses nothing.
-    percent   that a fan is driven with at least; below it crosses nothing.
+    quantity  v, a, c or rpm; a reading without this quantity never exceeds the limit.
+    is_most   the bound is an upper limit.
+    percent   least drive of the fan at which the limit applies.
     """
 
     quantity: str
@@ -56,34 +57,34 @@ UNITS = {"v": "V", "a": "A", "w": "W", "c": "degrees Celsius", "rpm": "rpm", "pe
 
 
 class Health:
-    """What the board measures of itself."""
+    """Rails, temperatures and fan of the board, read periodically."""
 
     def __init__(self, loop: Loop, remote: Asks, hardware: Hardware, period_s: float = PERIOD_S) -> None:
         self._readings = [_Reading(loop, remote, period_s, *row) for row in _rows(hardware)]
         self._is_started = False
 
     def start(self) -> None:
-        """Read everything now, then each period."""
+        """Read all values now, then once per period."""
         if not self._is_started:
             self._is_started = True
             for reading in self._readings:
                 reading.poll()
 
     def stop(self) -> None:
-        """Idempotent; the last values stay, and grow old."""
+        """Stop reading; the last values remain, and their age grows. Idempotent."""
         self._is_started = False
         for reading in self._readings:
             reading.stop()
 
     @property
     def complaints(self) -> list[str]:
-        """What is not as it should be: limits that are crossed, readings that fail."""
+        """Exceeded limits and failed readings, in words."""
         return [complaint for reading in self._readings for complaint in reading.complaints()]
 
     def status(self) -> dict[str, object]:
-        """By table and name of the board file: the last values with their age, what they cross, why they fail.
+        """Return the last values by table and name of the board file, with age, exceeded limits and fault.
 
-        {"rails": {"main": {"v": 12.01, "a": 0.5, "w": 6.0, "age_s": 2.1, "crossed": [], "fault": null}}, ...}
+        Example: {"rails": {"main": {"v": 12.01, "a": 0.5, "w": 6.0, "age_s": 2.1, "crossed": [], "fault": null}}, ...}
         """
         tables: dict[str, Any] = {}
         for reading in self._readings:
@@ -95,7 +96,7 @@ class Health:
 
 
 class _Reading:
-    """One row of the board file that is read again and again."""
+    """Periodic reading of one row of the board file."""
 
     def __init__(
         self, loop: Loop, remote: Asks, period_s: float, table: str, do: str, name: str, limits: tuple[Limit, ...]
@@ -109,7 +110,7 @@ class _Reading:
         self._limits = limits
         self._delay_s = period_s
         self._timer: Timer | None = None
-        self._run = 0  # answers to what was asked before a stop belong to an earlier one
+        self._run = 0  # incremented by stop(), so that answers to earlier calls are ignored
         self._values: dict[str, float] = {}
         self._when: float | None = None
         self._crossed: set[Limit] = set()
@@ -129,6 +130,19 @@ class _Reading:
         return [*crossed, *([f"{self._called}: {self._fault.message}"] if self._fault else [])]
 
     def status(self) -> dict[str, object]:
+        """Return the last values with their age, exceeded limits and fault.
+
+        v        voltage in V, of a rail.
+        a        current in A, of a rail.
+        w        power in W, of a rail.
+        c        temperature in degrees C.
+        rpm      speed of the fan, if it is counted.
+        percent  drive of the fan, if it can be set.
+        age_s    seconds since the values were read; null before the first.
+        crossed  exceeded limits, in words.
+        fault    error of the last reading; null without one.
+        hint     remedy for the fault; null without one.
+        """
         return {
             **self._values,
             "age_s": None if self._when is None else round(self._loop.clock() - self._when, 1),
@@ -148,7 +162,7 @@ class _Reading:
 
     def _failed(self, error: InterfaceError) -> None:
         self._delay_s = min(LONGEST_S, 2 * self._delay_s)
-        if self._fault is None:  # what it says later may differ by a process id each time: status has the last
+        if self._fault is None:  # log the first error only: later ones may differ by a process id; status has the last
             log.warning("%s: %s", self._called, error)
         self._fault = error
 
@@ -186,7 +200,7 @@ class _Reading:
 
 
 def _rows(hardware: Hardware) -> Iterator[tuple[str, str, str, tuple[Limit, ...]]]:
-    """Table, call, name and limits of everything that is measured."""
+    """Yield table, call, name and limits of each measured quantity."""
     for name, rail in hardware.rails.items():
         yield "rails", "rail", name, _limits(("v", False, rail.min_v), ("v", True, rail.max_v), ("a", True, rail.max_a))
     for name, temperature in hardware.temperatures.items():

@@ -1,4 +1,4 @@
-"""An I2C bus of the kernel: one combined transaction per access. It blocks, so only the worker has one."""
+"""I2C bus: one combined transaction per access; blocks, so only for the board process."""
 
 import errno
 import os
@@ -7,36 +7,44 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from board import sysfs
-from board.errors import InterfaceError
+from board.runtime.errors import InterfaceError
 
 if TYPE_CHECKING:
     from smbus2 import SMBus
 
-I2C_SLAVE = 0x0703  # ioctl(2) of i2c-dev: choose an address; EBUSY where a kernel driver has it
+I2C_SLAVE = 0x0703  # ioctl(2) of i2c-dev: selects an address; EBUSY if a kernel driver uses the chip
 
-# How adapters say that nobody answered: bcm2835 with EREMOTEIO, most others with ENXIO, i2c-stub with ENODEV.
+# Errors of adapters when no chip answers: EREMOTEIO from bcm2835, ENXIO from most others, ENODEV from i2c-stub.
 NO_ANSWER = (errno.EREMOTEIO, errno.ENXIO, errno.ENODEV)
 
-BLOCK = 32  # octets: the longest block of SMBus
+BLOCK = 32  # octets of the longest SMBus block
 
 
 class Transfer(Protocol):
-    """A bus as the chips see it.
+    """Bus as the functions of the chips use it.
 
-    path  names it in errors.
+    path  name of the bus in errors.
     """
 
     path: str
 
     def transfer(self, address: int, write: bytes, read: int) -> bytes:
-        """Write octets, then read so many, between one start and one stop. Raises InterfaceError."""
+        """Write octets, then read `read` octets, between one start and one stop condition.
+
+        Raises InterfaceError if the chip does not answer or the adapter fails.
+        """
+
+
+def read_word(bus: Transfer, address: int, register: int) -> int:
+    """Return 16 bits of a register, high octet first. Raises InterfaceError if the chip or the adapter fails."""
+    return int.from_bytes(bus.transfer(address, bytes([register]), 2), "big")
 
 
 class Bus:
-    """A bus by the path of its device, /dev/i2c-1; open until close()."""
+    """I2C bus of the kernel by its device, such as /dev/i2c-1; open until close()."""
 
     def __init__(self, path: str, sys: Path = Path("/sys")) -> None:
-        """Raises InterfaceError when it is absent, no I2C bus, or not permitted."""
+        """Open the bus. Raises InterfaceError if it is absent, not an I2C bus, or not permitted."""
         from smbus2 import I2cFunc, SMBus
 
         self.path = path
@@ -48,8 +56,9 @@ class Bus:
         self._is_smbus_only = not self._bus.funcs & I2cFunc.I2C
 
     def transfer(self, address: int, write: bytes, read: int) -> bytes:
+        """Write, then read, in one transaction. Raises InterfaceError if the chip or the adapter fails."""
         try:
-            # I2C_RDWR does not ask whether the kernel itself uses the chip; two who talk to it confuse each other.
+            # I2C_RDWR does not check for a kernel driver of the chip; two users of one chip would disturb each other.
             ioctl(self._descriptor, I2C_SLAVE, address)
             if self._is_smbus_only:
                 return _by_smbus(self._bus, address, write, read)
@@ -58,7 +67,7 @@ class Bus:
             raise explained(error, address, self.path, self._sys) from error
 
     def close(self) -> None:
-        """Idempotent."""
+        """Close the bus; idempotent."""
         self._bus.close()
 
     @property
@@ -79,28 +88,30 @@ class Bus:
 
 
 def explained(error: OSError, address: int, path: str, sys: Path = Path("/sys")) -> InterfaceError:
-    """What the kernel says of a transfer, in words.
+    """Return the InterfaceError for an error of a transfer, with its cause and a remedy.
 
-    path  of the bus; sys  where the kernel tells which of its drivers has the chip.
+    path  device of the bus.
+    sys   root of sysfs, which names the kernel driver of the chip.
     """
     number = error.errno or 0
     what = f"0x{address:02x} on {path}"
     if number in NO_ANSWER:
-        hint = f"is the chip fitted and powered? `i2cdetect -y -r {_number(path)}` shows who answers"
+        hint = f"check that the chip is fitted and powered: `i2cdetect -y -r {_number(path)}`"
         return InterfaceError(f"no answer from {what}", hint)
     if number == errno.ETIMEDOUT:
-        hint = "SDA or SCL is held low: cut the power of the board, then look at its pull-ups"
+        hint = "SDA or SCL is low: switch the board off and on, then check its pull-ups"
         return InterfaceError(f"{what}: the bus is stuck", hint)
     if number == errno.EBUSY:
         return _in_use(address, path, sys)
     if number == errno.EOPNOTSUPP:
-        return InterfaceError(f"{what}: the adapter cannot do such a transfer", "it knows SMBus alone: use another bus")
-    hint = "look at wires, pull-ups and bus speed" if number in (errno.EIO, errno.EAGAIN) else ""
+        hint = "it supports SMBus only: use another bus"
+        return InterfaceError(f"{what}: the adapter does not support this transfer", hint)
+    hint = "check wires, pull-ups and bus speed" if number in (errno.EIO, errno.EAGAIN) else ""
     return InterfaceError(f"{what}: the transfer failed: {os.strerror(number)}", hint)
 
 
 def _in_use(address: int, path: str, sys: Path) -> InterfaceError:
-    """The kernel has a driver for the chip: its name, and that of the hwmon device to read instead."""
+    """Return the error for a chip in use by the kernel; it names the driver, and the hwmon device to read instead."""
     device = sys / "bus/i2c/devices" / f"{_number(path)}-{address:04x}"
     driver = device / "driver"
     user = f"the kernel's driver {driver.resolve().name}" if driver.exists() else "the kernel"
@@ -112,7 +123,7 @@ def _in_use(address: int, path: str, sys: Path) -> InterfaceError:
 
 
 def _number(path: str) -> str:
-    """1 of /dev/i2c-1."""
+    """Return the number of a bus: 1 for /dev/i2c-1."""
     return path.rpartition("-")[2]
 
 
@@ -125,9 +136,9 @@ def _remedy_of_open(error: OSError) -> str:
 
 
 def _by_smbus(bus: "SMBus", address: int, write: bytes, read: int) -> bytes:
-    """The same octets on the wire, where an adapter or i2c-stub knows the transfers of SMBus alone.
+    """Transfer the same octets by SMBus calls, for adapters and i2c-stub, which support nothing else.
 
-    Raises OSError(EOPNOTSUPP) for those that SMBus has not: a read after more than one octet, long blocks.
+    Raises OSError(EOPNOTSUPP) for transfers that SMBus lacks: a read after more than one octet, or long blocks.
     """
     match len(write), read:
         case 0, 1:
@@ -137,7 +148,7 @@ def _by_smbus(bus: "SMBus", address: int, write: bytes, read: int) -> bytes:
         case 1, 1:
             return bytes([bus.read_byte_data(address, write[0])])
         case 1, 2:
-            return bus.read_word_data(address, write[0]).to_bytes(2, "little")  # its first octet is the low one
+            return bus.read_word_data(address, write[0]).to_bytes(2, "little")  # SMBus sends the low octet first
         case 1, length if length <= BLOCK:
             return bytes(bus.read_i2c_block_data(address, write[0], length))
         case 2, 0:

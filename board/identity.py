@@ -1,4 +1,4 @@
-"""Who the board is: the ID EEPROM of a HAT, or what the Pi's firmware read of it into the device tree.
+"""Board identity: from a HAT's ID EEPROM or the device tree.
 
 Format: Raspberry Pi HAT ID EEPROM format specification, version 1. Everything in it is little-endian.
 """
@@ -7,25 +7,30 @@ import struct
 from pathlib import Path
 from typing import NamedTuple
 
-from board.errors import InterfaceError, ProtocolError
+from board.runtime.errors import InterfaceError, ProtocolError
 
 SIGNATURE = b"R-Pi"
-HEADER = struct.Struct("<4sBxHI")  # signature, version, atoms, length of all
+HEADER = struct.Struct("<4sBxHI")  # signature, version, number of atoms, total length
 ATOM = struct.Struct("<HHI")  # type, number, length of data and CRC
-VENDOR = struct.Struct("<16sHHBB")  # uuid, product id, product version, lengths of vendor and product
+VENDOR = struct.Struct("<16sHHBB")  # uuid, product id, product version, lengths of the vendor's and product's names
 VENDOR_TYPE = 1
 CRC = 2  # octets
 
-# As far as the vendor atom can reach, which is always the first: 55 ms at 100 kHz, where all 4 KiB would take 370.
+# Largest end of the vendor atom, which is always the first. At 100 kHz, it takes 55 ms; the whole 4 KiB would take 370.
 ENOUGH = HEADER.size + ATOM.size + VENDOR.size + 2 * 255 + CRC
 
-POLYNOMIAL = 0xA001  # 0x8005 from its other end
+POLYNOMIAL = 0xA001  # 0x8005 with its bits reversed
 
 
 class Identity(NamedTuple):
-    """A board's identity; numbers as the device tree writes them, 0x0001.
+    """Identity of a board. Numbers have the form of the device tree: 0x0001.
 
-    source  where it was read.
+    vendor       name of the vendor.
+    product      name of the product.
+    product_id   number of the product.
+    product_ver  version of the product.
+    uuid         unique identifier.
+    source       device or file that it was read from.
     """
 
     vendor: str
@@ -37,19 +42,22 @@ class Identity(NamedTuple):
 
 
 def of_eeprom(octets: bytes, source: str) -> Identity:
-    """Read the beginning of an EEPROM, ENOUGH octets or less. Raises ProtocolError where it is no HAT's."""
+    """Parse the first octets of an EEPROM, at most ENOUGH. Raises ProtocolError if they are not a HAT's."""
     if octets[: len(SIGNATURE)] != SIGNATURE or len(octets) < HEADER.size:
         raise ProtocolError(f"{source}: begins with {octets[:4].hex(' ')}, not with R-Pi", "`eepmake` writes an image")
     _, version, atoms, _ = HEADER.unpack_from(octets)
     if version != 1:
         raise ProtocolError(f"{source}: the format has version {version}, not 1")
     if not atoms:
-        raise ProtocolError(f"{source}: holds no atom")
+        raise ProtocolError(f"{source}: has no atom")
     return _vendor(_first_atom(octets, source), source)
 
 
 def of_device_tree(proc: Path) -> Identity | None:
-    """What the firmware left in proc/device-tree/hat*/; None where there is nothing. Raises InterfaceError."""
+    """Return the identity that the firmware left in proc/device-tree/hat*/; None if it left none.
+
+    Raises InterfaceError if a property cannot be read.
+    """
     for directory in sorted((proc / "device-tree").glob("hat*")):
         if (directory / "vendor").exists() or (directory / "product").exists():
             return Identity._make([*(_property(directory / name) for name in Identity._fields[:-1]), str(directory)])
@@ -57,7 +65,7 @@ def of_device_tree(proc: Path) -> Identity | None:
 
 
 def crc16(octets: bytes) -> int:
-    """CRC-16 with polynomial 0x8005, least significant bit first, from 0: 0xBB3D of `123456789`."""
+    """Return the CRC-16 with polynomial 0x8005, least significant bit first, initially 0: 0xBB3D for `123456789`."""
     crc = 0
     for octet in octets:
         crc ^= octet
@@ -67,7 +75,7 @@ def crc16(octets: bytes) -> int:
 
 
 def _first_atom(octets: bytes, source: str) -> bytes:
-    """The data of the first atom, of which the CRC is right."""
+    """Return the data of the first atom. Raises ProtocolError if it is truncated, of another type, or its CRC wrong."""
     begin = HEADER.size + ATOM.size
     if len(octets) < begin:
         raise ProtocolError(f"{source}: ends after {len(octets)} octets, within its first atom")
@@ -82,7 +90,7 @@ def _first_atom(octets: bytes, source: str) -> bytes:
     if stored != computed:
         raise ProtocolError(
             f"{source}: the CRC of its first atom is 0x{computed:04x} and stored as 0x{stored:04x}",
-            "it was changed, or read wrongly: read it again, then write it anew",
+            "it was changed or misread: read it again, then write it again",
         )
     return octets[begin:end]
 
@@ -93,7 +101,7 @@ def _vendor(data: bytes, source: str) -> Identity:
     if end > len(data):
         raise ProtocolError(f"{source}: names of {vendor_length} and {product_length} octets exceed their atom")
     names = data[VENDOR.size : end]
-    digits = uuid[::-1].hex()  # stored with its least significant octet first
+    digits = uuid[::-1].hex()  # the EEPROM stores the least significant octet first
     return Identity(
         vendor=_printable(names[:vendor_length]),
         product=_printable(names[vendor_length:]),
@@ -105,7 +113,7 @@ def _vendor(data: bytes, source: str) -> Identity:
 
 
 def _property(path: Path) -> str:
-    """A string of the device tree; empty where it is not given."""
+    """Return a string of the device tree; empty if it is absent."""
     try:
         return _printable(path.read_bytes())
     except FileNotFoundError:
@@ -115,6 +123,6 @@ def _property(path: Path) -> str:
 
 
 def _printable(octets: bytes) -> str:
-    """ASCII up to the first NUL; what a terminal would obey becomes `?`."""
+    """Return the ASCII text up to the first NUL; control characters, which a terminal would obey, become `?`."""
     text = octets.split(b"\0", 1)[0].decode("ascii", "replace")
     return "".join(character if " " <= character <= "~" else "?" for character in text)

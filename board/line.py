@@ -1,4 +1,4 @@
-"""GPIO lines of the Pi as outputs: active or inactive, whatever voltage that is."""
+"""GPIO output lines: active or inactive, independent of their voltage."""
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
@@ -6,34 +6,34 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from board.description import LineDescription
-from board.errors import InterfaceError
 from board.gpiochip import DEV, library, place, request, told
-from board.loop import Loop, Timer
+from board.runtime.errors import InterfaceError
+from board.runtime.loop import Loop, Timer
 
 
 class Line(Protocol):
-    """An output: what a slot switches and a blinker blinks."""
+    """Output line, as a slot or a blinker uses it."""
 
     @property
     def is_active(self) -> bool:
-        """What the line is found to be, which need not be what it was set to. Raises InterfaceError."""
+        """State read from the line, which may differ from the one set. Raises InterfaceError if it cannot be read."""
 
     def set(self, is_active: bool) -> None:
-        """Raises InterfaceError when the chip is gone, or the line does not follow."""
+        """Set the line. Raises InterfaceError if the chip is gone, or the line does not follow."""
 
     def close(self) -> None:
-        """Give it back; idempotent."""
+        """Release the line; idempotent."""
 
 
 class OutputLine:
-    """One line of a GPIO chip, ours alone until it is closed.
+    """Exclusive output line of a GPIO chip, until it is closed.
 
-    A `keep` line is left as it is found, an input even, until it is set for the first time. Closed, a line stays as
-    it is as far as its driver lets it: a BCM2711 without `persist_gpio_outputs` makes it an input again.
+    A line with initial = "keep" remains as found, even as an input, until the first set(). A closed line keeps its
+    state only if its driver allows: a BCM2711 without `persist_gpio_outputs` makes it an input again.
     """
 
     def __init__(self, description: LineDescription, dev: Path = DEV) -> None:
-        """Raises InterfaceError when the line is absent, taken or not permitted."""
+        """Request the line. Raises InterfaceError if it is absent, in use or not permitted."""
         self._gpiod = library()
         self._values = (self._gpiod.line.Value.INACTIVE, self._gpiod.line.Value.ACTIVE)
         self._description = description
@@ -48,6 +48,10 @@ class OutputLine:
             return bool(self._request.get_value(self._offset) == self._values[True])
 
     def set(self, is_active: bool) -> None:
+        """Drive the line.
+
+        Raises InterfaceError if the line is gone, or still reads the other level because another part drives it.
+        """
         with told(self.where):
             if self._is_driven:
                 self._request.set_value(self._offset, self._values[is_active])
@@ -58,11 +62,11 @@ class OutputLine:
             words = ("inactive", "active")
             raise InterfaceError(
                 f"{self.where}: set {words[is_active]} and reads {words[not is_active]}",
-                "something else drives it, or it is shorted: measure it, and compare the board file with the circuit",
+                "another part drives it, or it is shorted: measure it, and compare the board file with the circuit",
             )
 
     def close(self) -> None:
-        """Give it back; idempotent."""
+        """Release the line; idempotent."""
         self._request.release()
 
     def _as_found(self) -> Any:
@@ -79,14 +83,14 @@ class OutputLine:
         )
 
     def _is_held(self, is_active: bool) -> bool:
-        """Whether we drive the level: of open drain the low one alone, the other is for anybody to pull down."""
+        """Return whether this state is driven. An open-drain line drives low only; other parts may pull it low too."""
         return not self._description.open_drain or is_active == self._description.active_low
 
 
 class Lines:
-    """The lines of a board file that are the Pi's own; each is opened once and held.
+    """Lines of the board file on GPIO chips, not on expanders; each is opened once and kept open.
 
-    faults  of the lines that could not be had; another use of such a line tries again.
+    faults  error by name of a line that could not be opened or set. Each further use of the line tries again.
     """
 
     def __init__(
@@ -105,13 +109,13 @@ class Lines:
         return name in self._described
 
     def open(self) -> None:
-        """Open all of them, and make each what its description calls initial; faults tells what could not be."""
+        """Open all lines and set their initial states; errors are put into faults."""
         for name in self._described:
-            with contextlib.suppress(InterfaceError):  # it is in faults
+            with contextlib.suppress(InterfaceError):  # _line() put it into faults
                 self._line(name)
 
     def set(self, name: str, is_active: bool) -> None:
-        """Set a line. Raises InterfaceError when it cannot be had or does not follow."""
+        """Set a line. Raises InterfaceError if it cannot be opened or does not follow."""
         line = self._line(name)
         try:
             line.set(is_active)
@@ -121,11 +125,11 @@ class Lines:
         self.faults.pop(name, None)
 
     def is_active(self, name: str) -> bool:
-        """What a line is found to be. Raises InterfaceError when it cannot be had."""
+        """Read the state of a line. Raises InterfaceError if it cannot be opened."""
         return self._line(name).is_active
 
     def close(self) -> None:
-        """Give all of them back as they are; idempotent."""
+        """Release all lines without changing them; idempotent."""
         for line in self._lines.values():
             line.close()
         self._lines.clear()
@@ -142,7 +146,7 @@ class Lines:
 
 
 class Blinker:
-    """Makes a line active and inactive in turn, by timers."""
+    """Switches a line between active and inactive by timers."""
 
     def __init__(self, loop: Loop, line: Line) -> None:
         self._loop = loop
@@ -154,15 +158,15 @@ class Blinker:
         return self._timer is not None and self._timer.is_pending
 
     def blink(self, durations_s: Sequence[float], done: Callable[[InterfaceError | None], None]) -> None:
-        """Begin, active first; done() is called at the end, or with the error that ended it. Not while is_busy."""
+        """Start with the active state; call done() at the end, or with the error that ended it. Not while is_busy."""
         self._timer = self._loop.after(0.0, lambda: self._step(durations_s, 0, done))
 
     def stop(self) -> None:
-        """Make the line inactive and call nobody; idempotent."""
+        """End blinking, make the line inactive, and do not call done(); idempotent."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
-            with contextlib.suppress(InterfaceError):  # a chip that is gone has no line to set
+            with contextlib.suppress(InterfaceError):  # if the chip is gone, the line cannot be set
                 self._line.set(False)
 
     def _step(self, durations_s: Sequence[float], place: int, done: Callable[[InterfaceError | None], None]) -> None:

@@ -1,13 +1,13 @@
-"""Where the machine's own files are: a Pi's, or those of a simulated board."""
+"""Roots of the kernel's files: a Pi's, or a simulated board's."""
 
 from pathlib import Path
 from typing import NamedTuple
 
 
 class Machine(NamedTuple):
-    """Roots of the files that the kernel offers.
+    """Roots of the files that the kernel provides.
 
-    uevents  path of a Unix socket (SOCK_SEQPACKET) that sends what the kernel would; empty: the kernel, by netlink.
+    uevents  path of a Unix socket (SOCK_SEQPACKET) that sends the kernel's uevents. Empty: netlink.
     """
 
     sys: Path = Path("/sys")

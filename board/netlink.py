@@ -1,4 +1,4 @@
-"""Network devices that come, go and lose their carrier: told by the kernel, not polled."""
+"""Network devices: state, and changes reported by the kernel."""
 
 import fcntl
 import os
@@ -8,24 +8,24 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from typing import NamedTuple
 
-from board.errors import InterfaceError
-from board.loop import Loop
+from board.runtime.errors import InterfaceError
+from board.runtime.loop import Loop
 
-# Numbers of linux/if.h, linux/sockios.h and linux/rtnetlink.h.
+# Constants of linux/if.h, linux/sockios.h and linux/rtnetlink.h.
 IFF_UP, IFF_RUNNING = 0x1, 0x40
 SIOCGIFFLAGS, SIOCGIFHWADDR, SIOCGIFINDEX = 0x8913, 0x8927, 0x8933
 GROUP_LINK = 1
 
-BATCH = 64  # netlink messages read in one turn
+BATCH = 64  # most netlink messages read in one call of ready()
 
 
-class Device(NamedTuple):
-    """A network device as it is now.
+class NetworkDevice(NamedTuple):
+    """Current state of a network device.
 
-    number      the kernel's index: changes when a device of the same name is made again.
-    is_up       set up by an administrator.
-    has_carrier cable plugged, radio joined.
-    mac         6 octets; zero where the device has none.
+    number       the kernel's index; it changes if a device of the same name is created again.
+    is_up        set up by an administrator.
+    has_carrier  cable plugged, or radio associated.
+    mac          6 octets; zeros if the device has no address.
     """
 
     number: int
@@ -38,27 +38,27 @@ class Device(NamedTuple):
         return self.is_up and self.has_carrier
 
 
-def device(name: str) -> Device | None:
-    """Look a network device up by its name; None where there is none. Raises OSError without a free descriptor."""
+def device(name: str) -> NetworkDevice | None:
+    """Look up a network device by name; None if absent. Raises OSError if no descriptor is free."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asker:
         return _device(asker, name)
 
 
 class DeviceWatch:
-    """Calls when a network device changes: with the new state, or None when it is gone or was made again.
+    """Calls changed() when a network device changes: with its state, or None if it is gone or was created again.
 
-    The kernel's messages only say when to look: what they hold is asked for afresh. So none has to be parsed, and
-    one that was lost because the socket's buffer was full does not matter.
+    The kernel's messages only trigger a query of the state; their content is ignored. So they need no parser, and a
+    message lost because the socket's buffer was full does no harm.
     """
 
-    def __init__(self, loop: Loop, name: str, changed: Callable[[Device | None], None]) -> None:
-        """Watch from now on. Raises InterfaceError where the kernel gives no netlink socket."""
+    def __init__(self, loop: Loop, name: str, changed: Callable[[NetworkDevice | None], None]) -> None:
+        """Start to watch. Raises InterfaceError if the kernel provides no netlink socket."""
         self._loop = loop
         self._name = name
         self._changed = changed
         with ExitStack() as opening:
             try:
-                # Any socket answers the questions: this one does, so that a look needs no further descriptor.
+                # The queries of the state work on any socket. They use this one, which saves a descriptor.
                 self._socket = socket.socket(socket.AF_NETLINK, socket.SOCK_RAW | socket.SOCK_NONBLOCK, 0)
                 opening.enter_context(self._socket)
                 self._socket.bind((0, GROUP_LINK))
@@ -69,7 +69,7 @@ class DeviceWatch:
             opening.pop_all()
 
     @property
-    def state(self) -> Device | None:
+    def state(self) -> NetworkDevice | None:
         return self._state
 
     def fileno(self) -> int:
@@ -86,7 +86,7 @@ class DeviceWatch:
         self.look()
 
     def look(self) -> None:
-        """Ask for the state now, and call if it is another one."""
+        """Query the state, and call changed() if it differs from the last one."""
         before, now = self._state, _device(self._socket, self._name)
         if now == before:
             return
@@ -101,14 +101,14 @@ class DeviceWatch:
             self._socket.close()
 
 
-def _device(asker: socket.socket, name: str) -> Device | None:
+def _device(asker: socket.socket, name: str) -> NetworkDevice | None:
     try:
         number = struct.unpack_from("=i", _ask(asker, SIOCGIFINDEX, name), 16)[0]
         flags = struct.unpack_from("=H", _ask(asker, SIOCGIFFLAGS, name), 16)[0]
         mac = _ask(asker, SIOCGIFHWADDR, name)[18:24]
-    except OSError:  # ENODEV, ENXIO: it may also go between two of these questions
+    except OSError:  # ENODEV, ENXIO: the device may also disappear between two of these queries
         return None
-    return Device(number, bool(flags & IFF_UP), bool(flags & IFF_RUNNING), mac)
+    return NetworkDevice(number, bool(flags & IFF_UP), bool(flags & IFF_RUNNING), mac)
 
 
 def _ask(asker: socket.socket, question: int, name: str) -> bytes:

@@ -1,4 +1,4 @@
-"""A serial port on the loop: opened without waiting, raw, for us alone, and never drained."""
+"""Serial port on the loop: opened raw and exclusively, never drained."""
 
 import errno
 import os
@@ -6,23 +6,23 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from board.errors import BlockedError, InterfaceError
-from board.loop import READ, WRITE, Loop
+from board.runtime.errors import BlockedError, InterfaceError
+from board.runtime.loop import READ, WRITE, Loop
 
 if TYPE_CHECKING:
     from serial import Serial
 
-TAKEN = (errno.EAGAIN, errno.EBUSY, errno.EACCES, errno.EPERM)  # by another program, or kept from us
+TAKEN = (errno.EAGAIN, errno.EBUSY, errno.EACCES, errno.EPERM)  # in use by another program, or not permitted
 
-BATCH = 4096  # octets read in one turn: a tty's queue holds no more
+BATCH = 4096  # most octets read in one turn; the queue of a tty holds no more
 
 
 class SerialPort:
-    """Octets in by a call, octets out at once or as soon as the line takes them.
+    """Serial port: calls received() with input, and writes output at once or when the line takes it.
 
-    received  is given what came, at least one octet.
-    broken    is told once that the port is gone: unplugged, or its other end closed.
-    drained   is told that everything of a write() that had to wait was taken.
+    received  called with the octets that arrived, at least one.
+    broken    called once when the port is gone: unplugged, or its other end closed.
+    drained   called when the line has taken the rest of a write() that had to wait.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class SerialPort:
         drained: Callable[[], None],
         rtscts: bool = False,
     ) -> None:
-        """Open and serve. Raises InterfaceError when it is absent, taken, not permitted or no serial port."""
+        """Open the port. Raises InterfaceError if it is absent, in use, not permitted, or not a serial port."""
         self._loop = loop
         self._path = path
         self._received = received
@@ -48,12 +48,12 @@ class SerialPort:
             kind = BlockedError if getattr(error, "errno", None) in TAKEN else InterfaceError
             raise kind(_why(path, error), _hint(error)) from error
         self._descriptor: int = self._port.fileno()
-        self._is_open = True
+        self.is_open = True
         loop.add(self)
 
     @property
     def is_busy(self) -> bool:
-        """Whether a part of the last write() still waits for the line."""
+        """True while a part of the last write() waits for the line."""
         return bool(self._waiting)
 
     def fileno(self) -> int:
@@ -62,26 +62,26 @@ class SerialPort:
     def ready(self, events: int) -> None:
         if events & WRITE:
             self._go_on()
-        # Also after a hang-up: reading says what happened, and gives what came before it.
-        if self._is_open and events & ~WRITE:
+        # Read also after a hang-up: it returns the octets that came before, then the error.
+        if self.is_open and events & ~WRITE:
             self._read()
 
     def write(self, octets: bytes) -> bool:
-        """Write; returns whether all was taken. Otherwise the rest waits and is_busy, or the port has just broken.
+        """Write; return True if the line took everything. Else the rest waits and is_busy, or the port has failed.
 
-        Not while is_busy: what waits is one write, and no more.
+        Do not call it while is_busy: only one write can wait.
         """
         assert not self._waiting
         rest = octets[self._write(octets) :]
-        if rest and self._is_open:
+        if rest and self.is_open:
             self._waiting = rest
             self._loop.want(self, READ | WRITE)
         return not rest
 
     def close(self) -> None:
-        """Close without waiting for what the line has not sent; idempotent."""
-        if self._is_open:
-            self._is_open = False
+        """Close at once and discard unsent octets; idempotent."""
+        if self.is_open:
+            self.is_open = False
             self._waiting = b""
             self._loop.remove(self)
             _discard(self._descriptor)
@@ -89,7 +89,7 @@ class SerialPort:
 
     def _go_on(self) -> None:
         rest = self._waiting[self._write(self._waiting) :]
-        if not self._is_open:
+        if not self.is_open:
             return
         self._waiting = rest
         if not rest:
@@ -124,15 +124,15 @@ class SerialPort:
 
 
 def _opened(path: str, baud: int, rtscts: bool) -> "Serial":
-    """The port by pyserial, which opens with O_NONBLOCK | O_NOCTTY, sets raw mode and locks the port (flock)."""
+    """Open the port by pyserial, which sets O_NONBLOCK, O_NOCTTY and raw mode, and locks the port by flock."""
     import termios
 
-    import serial  # 15 ms that a station without serial ports saves
+    import serial  # takes 15 ms, which stations without serial ports save
 
     class Port(serial.Serial):
-        """With DTR and RTS as opening has made them: active (tty_port_block_til_ready of the kernel).
+        """Serial port that leaves DTR and RTS active, as the kernel's open has set them (tty_port_block_til_ready).
 
-        pyserial would set them once more, and not open a USB device that refuses that, as those may that have none.
+        pyserial would set them again, and could then not open USB devices that refuse the request.
         """
 
         def _update_dtr_state(self) -> None: ...
@@ -141,15 +141,15 @@ def _opened(path: str, baud: int, rtscts: bool) -> "Serial":
 
     try:
         return Port(path, baud, timeout=0, write_timeout=0, rtscts=rtscts, exclusive=True)
-    except termios.error as error:  # which is no OSError: it was unplugged after it was opened, before it was set
+    except termios.error as error:  # not an OSError; the port was unplugged between its opening and its set-up
         raise OSError(*error.args) from error
 
 
 def _discard(descriptor: int) -> None:
-    """Throw away what the line has not sent: close() would wait for it, up to closing_wait, 30 s by default."""
-    import termios  # with pyserial, not before
+    """Discard unsent octets, because close() would wait for them, up to closing_wait, 30 s by default."""
+    import termios  # imported late, like pyserial
 
-    # A port that is gone has nothing to throw away.
+    # If the port is gone, there is nothing to discard.
     with suppress(termios.error):
         termios.tcflush(descriptor, termios.TCOFLUSH)
 
@@ -157,14 +157,14 @@ def _discard(descriptor: int) -> None:
 def _why(path: str, error: Exception) -> str:
     number = getattr(error, "errno", None)
     if number in (errno.EAGAIN, errno.EBUSY):
-        return f"{path} is taken by another program"
+        return f"{path} is in use by another program"
     return f"{path}: {os.strerror(number).lower() if number else error}"
 
 
 def _hint(error: Exception) -> str:
     number = getattr(error, "errno", None)
     if number == errno.EACCES:
-        return "the user must be in the group of the device, mostly dialout"
+        return "add the user to the group of the device, mostly dialout"
     if number == errno.ENOENT:
-        return "is it plugged in? /dev/serial/by-id lists what is"
+        return "check that it is plugged in: /dev/serial/by-id lists ports"
     return ""

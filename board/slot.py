@@ -1,4 +1,33 @@
-"""The sequencer of one slot: power, reset and its device, as a table of states driven by the loop's timers."""
+"""Sequencer of one slot: power, reset and its device, as a table of states.
+
+Rules (TABLE below has every transition; an event without a row changes nothing):
+
+# state      meaning                                 event                              -> state
+#
+# OFF        in reset, without power, or as the      power is asked for, off_s is over     POWERED
+#            station found it                        a switch failed                       FAULT
+# POWERED    supply is on, reset still active        settle_s is over, reset released      RELEASED
+#                                                    a switch failed                       FAULT
+# RELEASED   its device is awaited                   the right device is seen, or taken    PRESENT
+#                                                    to be there as its place is unknown
+#                                                    wait_s is over                        FAULT
+# PRESENT    its device is there                     it goes                               RELEASED
+#                                                    it went FLAPS times within FLAP_S     FAULT
+# FAULT      all switches stay as they are           its device stays for STEADY_S         PRESENT
+#                                                    power is asked for                    OFF, then a power cycle
+# any        cut() -> OFF. cycle() -> OFF, and POWERED after off_s
+
+Only the supervisor of the slot (firmware/slots) calls power(), cut() and cycle(); each is allowed in every state. The
+carrier calls device_changed() at hot-plug, and the switch calls `done`. All of them may call from inside on_change():
+an event waits in the queue until the action of the one before it has ended.
+
+Each state waits for one event, so one timer is sufficient. Entering a state stops the timer and the switching of the
+state before it, so that a late answer cannot act on another state.
+
+A failed switch is a fault, also while power is cut. Earlier versions showed `off` while the module kept its power. The
+first cause stays until a device is present again or cut() is called. The sequencer never retries: the supervisor
+decides how often power is cycled and when a failed switch is tried again.
+"""
 
 from collections import deque
 from collections.abc import Callable
@@ -6,28 +35,28 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from board.description import SlotDescription
-from board.errors import InterfaceError, StationError
-from board.loop import Loop, Timer
 from board.presence import Presence
+from board.runtime.errors import InterfaceError, StationError
+from board.runtime.loop import Loop, Timer
 from board.supply import Done, Kind, Supply, Switch
-from board.usb import Device
+from board.usb import UsbDevice
 
-STEADY_S = 2.0  # that a device stays, before a fault is over
-PASSAGES = 64  # of the time line
+STEADY_S = 2.0  # time that a device must stay before its fault ends
+TRANSITIONS = 64  # most entries of the time line
 
 
-class State(StrEnum):
-    """Of a slot."""
+class SequencerState(StrEnum):
+    """State of a slot."""
 
-    OFF = "off"  # in reset and without power, or on the way there, or as the station found it
-    POWERED = "powered"  # power is on, or just being switched on; in reset
-    RELEASED = "released"  # out of reset; its device is waited for
-    PRESENT = "present"  # its device is there
-    FAULT = "fault"  # something failed; all switches are left as they are
+    OFF = "off"  # in reset without power, or being switched off, or as the station found it
+    POWERED = "powered"  # power is on or being switched on; in reset
+    RELEASED = "released"  # out of reset; waits for the device
+    PRESENT = "present"  # the device is present
+    FAULT = "fault"  # a failure; all switches stay as they are
 
 
 class Event(StrEnum):
-    """What happens to it."""
+    """Event of a slot."""
 
     POWER = "power is asked for"
     CUT = "a cut is asked for"
@@ -45,30 +74,30 @@ class Event(StrEnum):
 MEANS: dict[Kind | None, str] = {
     "power": "its power line",
     "hub_port": "its hub's port",
-    "authorize": "authorized: it keeps its power, and the kernel lets go of it",
-    None: "nothing: the board file gives neither power, hub_port nor usb",
+    "authorize": "authorized: it keeps its power, and the kernel releases it",
+    None: "nothing: the board file has neither power, hub_port nor usb",
 }
 
 
-class Passage(NamedTuple):
-    """A state of the past or the present: when it began, by the loop's clock, why, and what to do about that."""
+class Transition(NamedTuple):
+    """Past or present state: its begin by the loop's clock, its reason and a remedy."""
 
-    state: State
+    state: SequencerState
     began_s: float
     why: str
     hint: str = ""
 
 
-class Slot:
-    """One slot. Only the supervisor of the station calls power(), cut() and cycle().
+class SlotSequencer:
+    """Sequencer of one slot; only the slot's supervisor calls power(), cut() and cycle().
 
-    is_rested  off for off_s, or as the station found it.
-    cause      why it is in fault, or was until the try that now runs: the first of its causes.
-    note       what an operator should know of a slot without fault; empty: nothing.
-    is_unswitched  in fault because a switch failed: its supply is not known.
-    is_empty  in fault because nothing was plugged in while its device was waited for.
-    device     what is there, when it is present; None also where the board file does not say where to look.
-    timeline   the last states it went through.
+    is_off_time_over  off for off_s, or as the station found it.
+    cause             first cause of the fault, kept during the next try; None without one.
+    note              notice for an operator about a slot without fault; empty: none.
+    is_unswitched     in fault because a switch failed, so the state of the supply is unknown.
+    is_empty          in fault because no device was plugged in during wait_s.
+    device            the present device; None also if the board file does not give its USB port.
+    timeline          the last states.
     """
 
     def __init__(
@@ -77,25 +106,27 @@ class Slot:
         name: str,
         description: SlotDescription,
         switch: Switch,
-        look: Callable[[], Device | None],
-        on_change: Callable[["Slot"], None],
+        look: Callable[[], UsbDevice | None],
+        on_change: Callable[["SlotSequencer"], None],
     ) -> None:
-        """Touches nothing until power() or cut().
+        """Create the sequencer; it switches nothing until power() or cut().
 
-        switch     switches one thing on or off (reset: active or inactive), and calls done with what failed, at once
-                   or later; it is asked for one thing at a time.
-        look       says what is plugged in at its place now.
-        on_change  is told when a state was entered, and when it has been off for off_s.
+        switch     switches one thing on or off (reset: active or inactive), then calls `done` with the error or None,
+                   at once or later. It is called for one thing at a time.
+        look       returns the device at the slot's USB port, or None.
+        on_change  called when a state was entered, and at the end of off_s.
         """
         self.name = name
         self.description = description
-        self.state = State.OFF
-        self.is_rested = True
+        self.state = SequencerState.OFF
+        self.is_off_time_over = True
         self.is_unswitched = self.is_empty = False
         self.cause: StationError | None = None
         self.note = ""
-        self.device: Device | None = None
-        self.timeline: deque[Passage] = deque([Passage(State.OFF, loop.clock(), "as it was found")], PASSAGES)
+        self.device: UsbDevice | None = None
+        self.timeline: deque[Transition] = deque(
+            [Transition(SequencerState.OFF, loop.clock(), "as it was found")], TRANSITIONS
+        )
         self._loop = loop
         self._on_change = on_change
         self._supply = Supply(loop, description, switch, look)
@@ -105,30 +136,30 @@ class Slot:
         self._timer: Timer | None = None
 
     def power(self) -> None:
-        """Supply it, once it has been off for off_s; in fault: a power cycle."""
-        self._happen(Event.POWER)
+        """Supply the slot, after off_s at the earliest; in a fault, cycle its power."""
+        self._enqueue(Event.POWER)
 
     def cut(self) -> None:
-        """Take its supply away, whatever it is doing."""
-        self._happen(Event.CUT)
+        """Cut the supply in any state."""
+        self._enqueue(Event.CUT)
 
     def cycle(self) -> None:
-        """Cut, and supply it again after off_s."""
-        self._happen(Event.CYCLE)
+        """Cut the supply, and restore it after off_s."""
+        self._enqueue(Event.CYCLE)
 
     def device_changed(self) -> None:
-        """Something was plugged in or out at its place, or may have been."""
+        """Look for the device again, because a device at the slot's USB port may have come or gone."""
         if not self._presence.is_known or not self._is_wanted:
             return
         found = self._presence.find()
-        if self.state is State.PRESENT and not self._is_same(found):
-            fault = self._presence.lose()
-            self._happen(Event.FLAPPING if fault else Event.GONE, fault or "")
+        if self.state is SequencerState.PRESENT and not self._is_same(found):
+            fault = self._presence.count_loss()
+            self._enqueue(Event.FLAPPING if fault else Event.GONE, fault or "")
         else:
-            self._happen(Event.SEEN if found else Event.GONE, str(found or ""))
+            self._enqueue(Event.SEEN if found else Event.GONE, str(found or ""))
 
     def status(self) -> dict[str, object]:
-        """What an operator is shown, as JSON."""
+        """Return the status for operators, as JSON."""
         return {
             "title": self.description.title,
             "state": self.state.value,
@@ -143,16 +174,16 @@ class Slot:
             "losses": self._presence.losses,
         }
 
-    def _happen(self, event: Event, why: str | StationError = "") -> None:
-        """One event after the other, in their order: actions, and who is told of changes, cause further ones."""
+    def _enqueue(self, event: Event, why: str | StationError = "") -> None:
+        """Dispatch an event after the queued ones; actions and listeners may enqueue further events."""
         self._events.append((event, why))
         if len(self._events) > 1:
             return
         while self._events:
-            self._serve(*self._events[0])
+            self._dispatch(*self._events[0])
             self._events.popleft()
 
-    def _serve(self, event: Event, why: str | StationError) -> None:
+    def _dispatch(self, event: Event, why: str | StationError) -> None:
         rule = TABLE.get((self.state, event))
         if rule is None:
             return
@@ -165,98 +196,102 @@ class Slot:
         if is_change:
             self._on_change(self)
 
-    def _enter(self, state: State, why: str | StationError) -> None:
+    def _enter(self, state: SequencerState, why: str | StationError) -> None:
         self._stop()
         fault = why if isinstance(why, StationError) else InterfaceError(why)
         self.state = state
-        self.timeline.append(Passage(state, self._loop.clock(), fault.message, fault.hint))
-        if state is State.FAULT:
+        self.timeline.append(Transition(state, self._loop.clock(), fault.message, fault.hint))
+        if state is SequencerState.FAULT:
             self.cause = self.cause or fault
 
-    # The actions of the table.
+    # Actions of TABLE.
 
-    def rest(self) -> None:
-        """Nothing."""
+    def do_nothing(self) -> None:
+        """Change nothing but the state."""
 
-    def want(self) -> None:
+    def request_power(self) -> None:
+        """Ask for power; it is applied once off_s is over."""
         self._is_wanted = True
-        self._start_if_rested()
+        self._power_if_ready()
 
-    def drop(self) -> None:
-        """Cut because that was asked for: what failed before is forgotten."""
+    def cut_power(self) -> None:
+        """Cut the power on request, and forget the last fault."""
         self.cause = None
         self._cut(wanted=False)
 
-    def restart(self) -> None:
+    def cold_cycle(self) -> None:
+        """Cut the power, and apply it again after off_s."""
         self._cut(wanted=True)
 
-    def supply(self) -> None:
+    def apply_power(self) -> None:
+        """Switch the power on, and release reset after settle_s."""
         if self._supply.was_cut and self._presence.find():
-            self.note = f"its device stayed while it was cut; it is switched by {MEANS[self._supply.means]}"
+            self.note = f"its device stayed present during the cut; switched by {MEANS[self._supply.means]}"
         self._supply.on(self._unless_failed(lambda: self._after(self.description.settle_s, self._release)))
 
-    def watch(self) -> None:
-        """Wait for its device, which may be there already."""
+    def await_device(self) -> None:
+        """Wait up to wait_s for the device, which may be there already."""
         self.device = None
         self._after(self.description.wait_s, self._late)
         self.device_changed()
         if not self._presence.is_known:
-            self.note = "its device is taken to be there: the board file does not say where on USB"
-            self._happen(Event.SEEN, "assumed")
+            self.note = "its device counts as present: the board file has no USB place"
+            self._enqueue(Event.SEEN, "assumed")
 
-    def greet(self) -> None:
+    def accept_device(self) -> None:
+        """Take the device as present, which ends a fault."""
         self.device = self._presence.find()
         self.cause = None
 
-    def doubt(self) -> None:
-        """In fault: its device may be back, and if it stays, all is well."""
+    def recheck_device(self) -> None:
+        """In a fault, look for the device again; the fault ends if it stays for STEADY_S."""
         found = self._presence.find()
         if not self._is_same(found):
             self._stop()
             self.device = found
             if found:
-                self._after(STEADY_S, lambda: self._happen(Event.STEADY))
+                self._after(STEADY_S, lambda: self._enqueue(Event.STEADY))
 
-    # What they are made of. No state waits for more than one thing: one timer.
+    # Helpers of the actions. Each state waits for one thing only, so one timer is sufficient.
 
     def _cut(self, wanted: bool) -> None:
         self._stop()
-        self._is_wanted, self.is_rested = wanted, False
+        self._is_wanted, self.is_off_time_over = wanted, False
         self.device = None
         self.note = ""
-        self._presence.calm()
-        self._supply.off(self._unless_failed(lambda: self._after(self.description.off_s, self._rested)))
+        self._presence.forget_losses()
+        self._supply.off(self._unless_failed(lambda: self._after(self.description.off_s, self._off_time_ended)))
 
     def _late(self) -> None:
-        self.device_changed()  # the kernel may not have told of it
-        if self.state is State.RELEASED:
-            self._happen(Event.LATE, self._presence.why_absent())
+        self.device_changed()  # a uevent of the kernel may have been lost
+        if self.state is SequencerState.RELEASED:
+            self._enqueue(Event.LATE, self._presence.why_absent())
 
-    def _rested(self) -> None:
-        self.is_rested = True
+    def _off_time_ended(self) -> None:
+        self.is_off_time_over = True
         if self._is_wanted:
-            self._start_if_rested()
+            self._power_if_ready()
         else:
             self._on_change(self)
 
-    def _start_if_rested(self) -> None:
-        if self.is_rested:
-            self._happen(Event.READY)
+    def _power_if_ready(self) -> None:
+        if self.is_off_time_over:
+            self._enqueue(Event.READY)
 
     def _release(self) -> None:
-        self._supply.release(self._unless_failed(lambda: self._happen(Event.SETTLED)))
+        self._supply.release(self._unless_failed(lambda: self._enqueue(Event.SETTLED)))
 
     def _unless_failed(self, then: Callable[[], None]) -> Done:
         def done(error: StationError | None) -> None:
             if error:
-                self._happen(Event.FAILED, error)
+                self._enqueue(Event.FAILED, error)
             else:
                 then()
 
         return done
 
-    def _is_same(self, found: Device | None) -> bool:
-        """Whether it is the one that we know: whoever was plugged in again has another number."""
+    def _is_same(self, found: UsbDevice | None) -> bool:
+        """Return whether this is the known device; the kernel gives a re-plugged device another number."""
         return found is not None and self.device is not None and found.number == self.device.number
 
     def _after(self, delay_s: float, call: Callable[[], None]) -> None:
@@ -264,34 +299,34 @@ class Slot:
         self._timer = self._loop.after(delay_s, call)
 
     def _stop(self) -> None:
-        """Wait for nothing any more."""
+        """Stop the timer and the switching in progress."""
         self._supply.stop()
         if self._timer is not None:
             self._timer.cancel()
 
 
 class Rule(NamedTuple):
-    """What is done, in the state that follows."""
+    """Next state, and the action that runs in it."""
 
-    state: State
-    act: Callable[[Slot], None] = Slot.rest
+    state: SequencerState
+    act: Callable[[SlotSequencer], None] = SlotSequencer.do_nothing
 
 
-# What is not here changes nothing.
-TABLE: dict[tuple[State, Event], Rule] = {
-    (State.OFF, Event.POWER): Rule(State.OFF, Slot.want),
-    (State.OFF, Event.READY): Rule(State.POWERED, Slot.supply),
-    (State.OFF, Event.FAILED): Rule(State.FAULT),
-    (State.POWERED, Event.SETTLED): Rule(State.RELEASED, Slot.watch),
-    (State.POWERED, Event.FAILED): Rule(State.FAULT),
-    (State.RELEASED, Event.SEEN): Rule(State.PRESENT, Slot.greet),
-    (State.RELEASED, Event.LATE): Rule(State.FAULT),
-    (State.PRESENT, Event.GONE): Rule(State.RELEASED, Slot.watch),
-    (State.PRESENT, Event.FLAPPING): Rule(State.FAULT, Slot.doubt),
-    (State.FAULT, Event.POWER): Rule(State.OFF, Slot.restart),
-    (State.FAULT, Event.SEEN): Rule(State.FAULT, Slot.doubt),
-    (State.FAULT, Event.GONE): Rule(State.FAULT, Slot.doubt),
-    (State.FAULT, Event.STEADY): Rule(State.PRESENT, Slot.greet),
-    **{(state, Event.CUT): Rule(State.OFF, Slot.drop) for state in State},
-    **{(state, Event.CYCLE): Rule(State.OFF, Slot.restart) for state in State},
+# A pair of state and event without a row changes nothing.
+TABLE: dict[tuple[SequencerState, Event], Rule] = {
+    (SequencerState.OFF, Event.POWER): Rule(SequencerState.OFF, SlotSequencer.request_power),
+    (SequencerState.OFF, Event.READY): Rule(SequencerState.POWERED, SlotSequencer.apply_power),
+    (SequencerState.OFF, Event.FAILED): Rule(SequencerState.FAULT),
+    (SequencerState.POWERED, Event.SETTLED): Rule(SequencerState.RELEASED, SlotSequencer.await_device),
+    (SequencerState.POWERED, Event.FAILED): Rule(SequencerState.FAULT),
+    (SequencerState.RELEASED, Event.SEEN): Rule(SequencerState.PRESENT, SlotSequencer.accept_device),
+    (SequencerState.RELEASED, Event.LATE): Rule(SequencerState.FAULT),
+    (SequencerState.PRESENT, Event.GONE): Rule(SequencerState.RELEASED, SlotSequencer.await_device),
+    (SequencerState.PRESENT, Event.FLAPPING): Rule(SequencerState.FAULT, SlotSequencer.recheck_device),
+    (SequencerState.FAULT, Event.POWER): Rule(SequencerState.OFF, SlotSequencer.cold_cycle),
+    (SequencerState.FAULT, Event.SEEN): Rule(SequencerState.FAULT, SlotSequencer.recheck_device),
+    (SequencerState.FAULT, Event.GONE): Rule(SequencerState.FAULT, SlotSequencer.recheck_device),
+    (SequencerState.FAULT, Event.STEADY): Rule(SequencerState.PRESENT, SlotSequencer.accept_device),
+    **{(state, Event.CUT): Rule(SequencerState.OFF, SlotSequencer.cut_power) for state in SequencerState},
+    **{(state, Event.CYCLE): Rule(SequencerState.OFF, SlotSequencer.cold_cycle) for state in SequencerState},
 }

@@ -1,17 +1,17 @@
-"""What supplies a slot and holds it in reset: whichever of the means that USB and a carrier have is declared."""
+"""Power and reset of a slot, switched by a line, expander or USB."""
 
 from collections.abc import Callable
 from typing import Literal
 
 from board.description import SlotDescription
-from board.errors import InterfaceError, StationError
-from board.loop import Loop, Timer
-from board.usb import Device
+from board.runtime.errors import InterfaceError, StationError
+from board.runtime.loop import Loop, Timer
+from board.usb import UsbDevice
 
-# Whoever switches has a deadline of its own; this is for one that never answers at all.
+# Limit for a switch that never answers; each switch also has its own, shorter deadline.
 ANSWER_S = 15.0
 
-# power and reset are lines of the slot's table; hub_port and authorize are for the device at its place.
+# power and reset are lines of the slot; hub_port and authorize act on the device at its USB port.
 Kind = Literal["power", "hub_port", "authorize", "reset"]
 Done = Callable[[StationError | None], None]
 Switch = Callable[[Kind, bool, Done], None]
@@ -19,14 +19,14 @@ Step = tuple[Kind, bool]
 
 
 class Supply:
-    """Switches one thing after the other, and says when all are: with None, or with the first that failed.
+    """Switches power and reset one after the other, then calls done() with None or the first error.
 
-    means    what cuts its supply; None: nothing does.
-    was_cut  whether it was cut by us; before, it is as the station found it.
+    means    switch of the supply; None: the slot has none.
+    was_cut  the supply was cut since the start; before that, it is as the station found it.
     """
 
     def __init__(
-        self, loop: Loop, description: SlotDescription, switch: Switch, look: Callable[[], Device | None]
+        self, loop: Loop, description: SlotDescription, switch: Switch, look: Callable[[], UsbDevice | None]
     ) -> None:
         self.means = _means(description)
         self.was_cut = False
@@ -35,25 +35,25 @@ class Supply:
         self._switch = switch
         self._look = look
         self._timer: Timer | None = None
-        self._step: object = None  # what is being switched: an answer to anything else comes too late
+        self._step: object = None  # the switching in progress; answers to others are late and ignored
 
     def on(self, done: Done) -> None:
-        """Hold it in reset and supply it; but a module that runs when the station starts is not reset."""
+        """Hold the slot in reset and supply it. A module that already ran at the station's start is not reset."""
         found = self._look()
         is_held = self._has_reset and (self.was_cut or found is None)
         self._begin([*self._reset(is_held), *self._feed(True, found)], done)
 
     def release(self, done: Done) -> None:
-        """Let go of reset."""
+        """Release reset."""
         self._begin([("reset", False)] if self._has_reset else [], done)
 
     def off(self, done: Done) -> None:
-        """Hold it in reset and take its supply away; the one is done even if the other fails."""
+        """Hold the slot in reset and cut its supply; each is done even if the other fails."""
         self.was_cut = True
         self._begin([*self._reset(self._has_reset), *self._feed(False, self._look())], done, goes_on=True)
 
     def stop(self) -> None:
-        """Wait for nothing any more, and call nobody; what was begun may still happen."""
+        """Stop waiting and call no done(); a switch already in progress may still act."""
         self._step = None
         if self._timer is not None:
             self._timer.cancel()
@@ -61,10 +61,10 @@ class Supply:
     def _reset(self, is_held: bool) -> list[Step]:
         return [("reset", True)] if is_held else []
 
-    def _feed(self, on: bool, found: Device | None) -> list[Step]:
+    def _feed(self, on: bool, found: UsbDevice | None) -> list[Step]:
         if self.means is None:
             return []
-        # Only a device that is there can be authorized, and need not be when it is.
+        # Only a present device can be authorized or deauthorized; one that is in the wanted state needs nothing.
         if self.means == "authorize" and (found is None or found.is_authorized is on):
             return []
         return [(self.means, on)]
@@ -83,7 +83,7 @@ class Supply:
             named = error and InterfaceError(f"{kind} {'on' if on else 'off'}: {error.message}", error.hint)
             self._begin(rest, done, goes_on, failed or named)
 
-        silence = InterfaceError(f"no answer within {ANSWER_S:g} s", "what it did is not known: cycle the slot")
+        silence = InterfaceError(f"timeout after {ANSWER_S:g} s", "its state is unknown: cycle the slot")
         self._timer = self._loop.after(ANSWER_S, lambda: answered(silence))
         self._switch(kind, on, answered)
 

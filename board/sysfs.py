@@ -1,17 +1,17 @@
-"""Attributes of sysfs: one value a file, which may be gone at the next look."""
+"""Attributes of sysfs: one value per file, which may disappear."""
 
 import os
 from pathlib import Path
 
-PAGE = 4096  # octets: no value is longer
+PAGE = 4096  # octets; no value is longer
 
 
 def text(path: Path) -> str:
-    """A value without its line's end. What a device says of itself may hold anything: what does not print is left out.
+    """Return a value without line end and unprintable characters, which texts from a device may contain.
 
-    Raises OSError: what it is of is gone, or answers no more.
+    Raises OSError if the device is gone or does not answer.
     """
-    # Not read_bytes(): that is None where a driver has no value yet (EAGAIN of tmp102, 35 ms after it was bound).
+    # read_bytes() is not used: it returns None while a driver has no value (EAGAIN of tmp102, for 35 ms after binding).
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         octets = os.read(descriptor, PAGE)
@@ -21,7 +21,7 @@ def text(path: Path) -> str:
 
 
 def optional(path: Path) -> str:
-    """The same, empty where there is none."""
+    """Return a value as text() does; empty if it cannot be read."""
     try:
         return text(path)
     except OSError:
@@ -29,7 +29,7 @@ def optional(path: Path) -> str:
 
 
 def switch(path: Path, is_on: bool) -> None:
-    """Write 1 or 0, in one write() as sysfs wants it. Raises OSError with what the kernel refuses."""
+    """Write 1 or 0 in a single write(), as sysfs requires. Raises OSError if the kernel refuses."""
     descriptor = os.open(path, os.O_WRONLY | os.O_TRUNC | os.O_CLOEXEC)
     try:
         os.write(descriptor, b"1" if is_on else b"0")

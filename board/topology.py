@@ -1,25 +1,25 @@
-"""Where a USB device is plugged in: its bus and the port of each hub on the way, `1-1.3`, as Linux names it."""
+"""Place of a USB device: bus and hub ports, such as `1-1.3`."""
 
 import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from board.errors import ConfigurationError
+from board.runtime.errors import ConfigurationError
 
-# No number begins with 0, which also keeps I2C devices (`1-0050`) apart.
+# No number begins with 0; this also excludes I2C devices (`1-0050`).
 _NUMBER = "[1-9][0-9]{0,2}"
 _TOPOLOGY = re.compile(rf"({_NUMBER})-({_NUMBER}(?:\.{_NUMBER})*)")
 _ROOT_HUB = re.compile(rf"usb{_NUMBER}")
 
-MOST_LEVELS = 6  # ports in a row: USB 2.0, 4.1.1, seven tiers with the root hub; MAX_TOPO_LEVEL of the kernel
-MOST_PORTS = 31  # of a hub: USB_MAXCHILDREN of the kernel
+MOST_LEVELS = 6  # most ports in a row: seven tiers with the root hub (USB 2.0, 4.1.1); MAX_TOPO_LEVEL of the kernel
+MOST_PORTS = 31  # most ports of a hub: USB_MAXCHILDREN of the kernel
 
 
 class Topology(NamedTuple):
-    """A port: `1-1.3` is port 3 of the hub in port 1 of bus 1.
+    """USB port: `1-1.3` is port 3 of the hub in port 1 of bus 1.
 
-    bus    1 and up.
-    ports  1 to 6 of them, each 1 to 31.
+    bus    number of the bus, from 1.
+    ports  port numbers from the root hub on: 1 to 6 of them, each 1 to 31.
     """
 
     bus: int
@@ -30,27 +30,30 @@ class Topology(NamedTuple):
 
     @property
     def port(self) -> int:
-        """Its number at its hub."""
+        """Number of the port at its hub."""
         return self.ports[-1]
 
     @property
     def hub(self) -> str:
-        """The kernel's name of its hub: `1-1`, or `usb1` for the root hub of bus 1."""
+        """Name of its hub in the kernel: `1-1`, or `usb1` for the root hub of bus 1."""
         above = self.ports[:-1]
         return str(Topology(self.bus, above)) if above else f"usb{self.bus}"
 
     @property
     def hub_interface(self) -> str:
-        """The kernel's name of the hub's one interface: `1-1:1.0`, or `1-0:1.0` for a root hub."""
+        """Name of the hub's only interface in the kernel: `1-1:1.0`, or `1-0:1.0` for a root hub."""
         return f"{self.bus}-0:1.0" if len(self.ports) == 1 else f"{self.hub}:1.0"
 
     def holds(self, other: "Topology") -> bool:
-        """Whether another port is this one, or is behind it: a module may have a hub of its own."""
+        """Return whether another port is this one or lies behind it, as for a module with a hub of its own."""
         return self.bus == other.bus and other.ports[: len(self.ports)] == self.ports
 
 
 def parse(text: str) -> Topology:
-    """The port that a board file names. Raises ConfigurationError."""
+    """Parse a USB port of a board file: 1-1.3.
+
+    Raises ConfigurationError if it is malformed, has more than MOST_LEVELS ports in a row, or a port above MOST_PORTS.
+    """
     found = _TOPOLOGY.fullmatch(text)
     if found is None:
         raise ConfigurationError(
@@ -66,7 +69,7 @@ def parse(text: str) -> Topology:
 
 
 def of_devpath(devpath: str) -> Topology | None:
-    """The USB device that a path of sysfs is, or is a part of: an interface, a tty, a network device. None: no USB."""
+    """Return the USB port of a sysfs path of a device, or of its interface, tty or network device; None if not USB."""
     deepest = None
     is_usb = False
     for part in devpath.split("/"):
@@ -80,9 +83,9 @@ def of_devpath(devpath: str) -> Topology | None:
 
 
 def holder(topology: Topology, places: Mapping[str, str]) -> str | None:
-    """The name of the place that holds a port: the nearest above it where one is behind another; None where none is.
+    """Return the name of the place that holds a port; of nested places, the nearest; None if no place holds it.
 
-    places  topology text by name, as slots have it; empty: not known.
+    places  topology text by name, as in slots; empty text: unknown.
     """
     held = {name: place for name, text in places.items() if text and (place := parse(text)).holds(topology)}
     return max(held, key=lambda name: len(held[name].ports), default=None)

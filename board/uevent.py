@@ -1,4 +1,4 @@
-"""Hot-plug: what the kernel tells of its devices, as it tells it, as a Source."""
+"""Hot-plug: the kernel's uevents as a Source."""
 
 import errno
 import os
@@ -7,29 +7,29 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import NamedTuple
 
-from board.errors import InterfaceError
-from board.loop import Loop
 from board.machine import Machine
+from board.runtime.errors import InterfaceError
+from board.runtime.loop import Loop
 
-# Numbers of linux/netlink.h, and of lib/kobject_uevent.c; group 2 is udev's.
+# Constants of linux/netlink.h and lib/kobject_uevent.c; group 2 is udev's.
 NETLINK_KOBJECT_UEVENT = 15
 GROUP_KERNEL = 1
-SO_RCVBUFFORCE = 33  # asm-generic/socket.h: beyond net.core.rmem_max, for root
+SO_RCVBUFFORCE = 33  # asm-generic/socket.h: lets root exceed net.core.rmem_max
 
-# A modem is 20 messages of 2 KiB that come at once, four of them at start-up: enough for ten times that.
+# A modem causes 20 messages of 2 KiB at once, and up to four modems start together; this holds ten times as many.
 RECEIVE_BUFFER = 2 << 20
-LONGEST = 8192  # octets: the kernel's own buffer (UEVENT_BUFFER_SIZE) is 2048, and the path comes before it
+LONGEST = 8192  # octets; the kernel's buffer (UEVENT_BUFFER_SIZE) has 2048, and the path precedes its content
 
-BATCH = 64  # messages read in one turn
+BATCH = 64  # most messages read in one turn
 
 
 class Uevent(NamedTuple):
-    """A change of one device.
+    """Change of one device.
 
     action      add, remove, change, bind, unbind, move, online, offline.
-    devpath     of the device below /sys.
+    devpath     path of the device below /sys.
     subsystem   usb, tty, net, ...
-    properties  all that was said: DEVTYPE, DEVNAME, PRODUCT, INTERFACE, SEQNUM, ...
+    properties  all variables of the message: DEVTYPE, DEVNAME, PRODUCT, INTERFACE, SEQNUM, ...
     """
 
     action: str
@@ -39,9 +39,9 @@ class Uevent(NamedTuple):
 
 
 def parse(octets: bytes) -> Uevent | None:
-    """A message of the kernel: `add@/devices/...`, then KEY=VALUE, each ended by NUL; None for anything else.
+    """Parse a message of the kernel: `add@/devices/...`, then KEY=VALUE, each ended by NUL; None if it is not one.
 
-    Source: lib/kobject_uevent.c, kobject_uevent_env(). udev's own begin with `libudev`.
+    Source: lib/kobject_uevent.c, kobject_uevent_env(). Messages of udev begin with `libudev` and are not parsed.
     """
     head, *rest = octets.decode("utf-8", "surrogateescape").split("\0")
     action, _, devpath = head.partition("@")
@@ -56,18 +56,18 @@ def parse(octets: bytes) -> Uevent | None:
 
 
 class Uevents:
-    """Calls with each change of a device.
+    """Calls on_event() with each change of a device.
 
-    on_event  is given the change; or None: some were missed, so everything has to be looked at again.
+    on_event  receives the change, or None if messages were lost: then look at all devices again.
     """
 
     def __init__(self, loop: Loop, machine: Machine, on_event: Callable[[Uevent | None], None]) -> None:
-        """Listen from now on. Raises InterfaceError where nobody tells."""
+        """Start to listen. Raises InterfaceError if the kernel's messages cannot be received."""
         self._loop = loop
         self._machine = machine
         self._on_event = on_event
-        self.ignored = 0  # messages that were not the kernel's, or no uevents
-        self.missed = 0  # times that some were
+        self.ignored = 0  # number of messages that are not uevents of the kernel
+        self.missed = 0  # number of times that messages were lost
         self._socket = self._open()
         loop.add(self)
 
@@ -76,7 +76,7 @@ class Uevents:
 
     def ready(self, events: int) -> None:
         for _ in range(BATCH):
-            if self.fileno() < 0:  # closed by whom it told
+            if self.fileno() < 0:  # on_event() called close()
                 return
             try:
                 octets, sender = self._socket.recvfrom(LONGEST)
@@ -93,13 +93,13 @@ class Uevents:
             self._take(octets, sender)
 
     def close(self) -> None:
-        """Listen no more; idempotent."""
+        """Stop listening; idempotent."""
         if self.fileno() >= 0:
             self._loop.remove(self)
             self._socket.close()
 
     def _take(self, octets: bytes, sender: object) -> None:
-        # Of a netlink message it is the port that sent it: 0 is the kernel, anything else a program.
+        # A netlink sender has a port number: 0 is the kernel, any other a program.
         event = parse(octets) if not isinstance(sender, tuple) or sender[0] == 0 else None
         if event is None:
             self.ignored += 1
@@ -111,7 +111,7 @@ class Uevents:
         self._on_event(None)
 
     def _lose(self) -> None:
-        """A simulated kernel has hung up: it does so to who reads too slowly. Listen again where there still is one."""
+        """Reconnect after a simulated kernel closed the connection, as it does if this side reads too slowly."""
         self._loop.remove(self)
         self._socket.close()
         with suppress(InterfaceError):
@@ -133,7 +133,7 @@ class Uevents:
             opened.close()
             why = os.strerror(error.errno or 0).lower()
             raise InterfaceError(
-                f"uevents{path and f' at {path}'}: cannot listen: {why}", "what is plugged in later will not be seen"
+                f"uevents{path and f' at {path}'}: cannot listen: {why}", "hot-plug is not detected"
             ) from error
         return opened
 

@@ -1,6 +1,6 @@
-"""USB devices by the place they are plugged in: what sits there, its ttys and network device; and its power.
+"""USB devices by place: identity, ttys, network device and power.
 
-Names of ttys change with each re-plugging and say nothing of the slot; place and interface number do not change.
+The names of ttys change with each re-plugging; the place and the interface number do not.
 Source: the kernel's Documentation/ABI/testing/sysfs-bus-usb.
 """
 
@@ -13,21 +13,21 @@ from pathlib import Path
 from typing import NamedTuple
 
 from board import sysfs
-from board import topology as place
-from board.errors import ConfigurationError, InterfaceError
 from board.machine import Machine
+from board.runtime.errors import ConfigurationError, InterfaceError
+from board.topology import parse
 
 USBDEVFS_RESET = 0x5514  # _IO('U', 20) of linux/usbdevice_fs.h
 
-SHOW = "`lsusb -t` shows what is plugged in where"
+SHOW = "see `lsusb -t`"
 
 
 class UsbInterface(NamedTuple):
-    """One function of a device.
+    """One interface (function) of a device.
 
-    number  bInterfaceNumber: what a data sheet calls it by.
-    kind    bInterfaceClass: 0xff is the vendor's own, 0x02 communication, 0x0a its data.
-    driver  the kernel's, empty while none is bound.
+    number  bInterfaceNumber, which data sheets use.
+    kind    bInterfaceClass: 0xff vendor-specific, 0x02 communication, 0x0a data of communication.
+    driver  name of the kernel driver; empty if none is bound.
     """
 
     number: int
@@ -35,15 +35,18 @@ class UsbInterface(NamedTuple):
     driver: str
 
 
-class Device(NamedTuple):
-    """A USB device. Its serial number is not read: with a modem it may tell the owner.
+class UsbDevice(NamedTuple):
+    """USB device. Its serial number is not read, because a modem's may identify the owner.
 
-    topology       where it is: `1-1.3`.
-    number         the kernel's, another one each time that it is plugged in.
-    vendor         four hexadecimal digits, product too.
-    manufacturer   what it says itself, title too; may be empty, and is where nobody may wait for it.
-    speed_mbit     480.0 for high speed; 0.0 where the kernel does not know.
-    is_authorized  False: the kernel sees it, and uses nothing of it.
+    topology       its port: `1-1.3`.
+    number         number given by the kernel at each plugging.
+    vendor         vendor id, four hexadecimal digits.
+    product        product id, four hexadecimal digits.
+    manufacturer   manufacturer as the device reports it; empty in find(), because reading it may block.
+    title          product name as the device reports it; empty in find().
+    speed_mbit     480.0 for high speed; 0.0 if the kernel does not know.
+    is_authorized  False: the kernel sees the device, but uses none of its interfaces.
+    interfaces     its interfaces.
     """
 
     topology: str
@@ -58,7 +61,7 @@ class Device(NamedTuple):
 
     @property
     def id(self) -> str:
-        """`1546:01a9`, as a slot's ids have it."""
+        """Vendor and product id in the form of a slot's ids: `1546:01a9`."""
         return f"{self.vendor}:{self.product}"
 
     def __str__(self) -> str:
@@ -66,28 +69,28 @@ class Device(NamedTuple):
         return f"{self.id} ({words})" if words else self.id
 
 
-def find(machine: Machine, topology: str) -> Device | None:
-    """The device at a place, without its words; None where none is. Raises ConfigurationError for what is no place."""
-    return _read(_devices(machine) / str(place.parse(topology)))
+def find(machine: Machine, topology: str) -> UsbDevice | None:
+    """Return the device at a port, without its texts; None if absent. Raises ConfigurationError for an invalid port."""
+    return _read(_devices(machine) / str(parse(topology)))
 
 
-def devices(machine: Machine) -> list[Device]:
-    """All that are plugged in, hubs too, by place, with their words; root hubs are a part of the machine.
+def devices(machine: Machine) -> list[UsbDevice]:
+    """Return all plugged devices and hubs, sorted by port, with their texts; without root hubs.
 
-    Not for the loop: the kernel gives no words of a device while it resets or configures it, which may take seconds.
+    Not for the loop: the texts block while the kernel resets or configures a device, which may take seconds.
     """
     places = []
-    with suppress(OSError):  # a machine without USB
+    with suppress(OSError):  # the machine has no USB
         for name in os.listdir(_devices(machine)):
-            with suppress(ConfigurationError):  # an interface or a root hub
-                places.append(place.parse(name))
+            with suppress(ConfigurationError):  # the name is that of an interface or a root hub
+                places.append(parse(name))
     found = (_read(_devices(machine) / str(one)) for one in sorted(places))
     return [_with_words(machine, device) for device in found if device is not None]
 
 
 def tty(machine: Machine, topology: str, interface_number: int) -> str:
-    """Path of the serial port that an interface of a device is. Raises InterfaceError while there is none."""
-    # usb-serial drivers (option) have a port between: 1-1.3:1.2/ttyUSB2/tty/ttyUSB2; cdc_acm has 1-1.3:1.0/tty/ttyACM0.
+    """Return the path of the serial port of an interface. Raises InterfaceError if it has none yet."""
+    # usb-serial drivers (option) add a port: 1-1.3:1.2/ttyUSB2/tty/ttyUSB2; cdc_acm has 1-1.3:1.0/tty/ttyACM0.
     folder = _interface(machine, topology, interface_number)
     names = [*_names(folder, "tty/tty*"), *_names(folder, "tty*/tty/tty*")]
     if not names:
@@ -96,20 +99,23 @@ def tty(machine: Machine, topology: str, interface_number: int) -> str:
 
 
 def network_device(machine: Machine, topology: str) -> str:
-    """Name of the network device that a device is. Raises InterfaceError while there is none."""
+    """Return the name of the network device of a USB device. Raises InterfaceError if it has none yet."""
     return _below(machine, topology, "net/*", "network device")
 
 
 def control_device(machine: Machine, topology: str) -> str:
-    """Path of the port where a modem takes QMI or MBIM: /dev/cdc-wdm0. Raises InterfaceError while there is none."""
+    """Return the path of a modem's port for QMI or MBIM: /dev/cdc-wdm0. Raises InterfaceError if it has none yet."""
     return str(machine.dev / _below(machine, topology, "usbmisc/cdc-wdm*", "control port for QMI or MBIM"))
 
 
-# What follows blocks, for seconds with some hubs: it is for the board's worker alone.
+# The following functions block, with some hubs for seconds: only the board process may call them.
 
 
 def authorize(machine: Machine, topology: str, on: bool) -> None:
-    """Let the kernel use a device, or take it away from all drivers. Raises InterfaceError."""
+    """Let the kernel use a device, or detach it from all drivers.
+
+    Raises InterfaceError if no device is at the port, or the kernel refuses.
+    """
     folder = _present(machine, topology)
     try:
         sysfs.switch(folder / "authorized", on)
@@ -118,7 +124,10 @@ def authorize(machine: Machine, topology: str, on: bool) -> None:
 
 
 def reset(machine: Machine, topology: str) -> None:
-    """Reset a device as its hub can; it may come back as a new one. Raises InterfaceError."""
+    """Reset a device by its hub; the device may reappear as another one.
+
+    Raises InterfaceError if no device is at the port, or the kernel refuses.
+    """
     folder = _present(machine, topology)
     try:
         node = machine.dev / f"bus/usb/{int(sysfs.text(folder / 'busnum')):03}/{int(sysfs.text(folder / 'devnum')):03}"
@@ -128,7 +137,7 @@ def reset(machine: Machine, topology: str) -> None:
     try:
         fcntl.ioctl(descriptor, USBDEVFS_RESET, 0)
     except OSError as error:
-        # ENODEV: reset, and not the same afterwards: the kernel takes it away and looks for it anew.
+        # ENODEV: the device was reset and changed, so the kernel removes it and detects it again.
         if error.errno != errno.ENODEV:
             raise _refused(f"USB device {topology}: reset", error) from error
     finally:
@@ -136,16 +145,16 @@ def reset(machine: Machine, topology: str) -> None:
 
 
 def hub_port(machine: Machine, topology: str, on: bool) -> None:
-    """Switch the supply of a hub's port, and of its SuperSpeed twin, which feeds the same socket.
+    """Switch the supply of a hub's port and of its SuperSpeed twin, which feeds the same socket.
 
-    Raises InterfaceError, also where the hub took it and its port is as before.
+    Raises InterfaceError if the hub or port is absent, the kernel refuses, or the port does not change.
     """
-    one = place.parse(topology)
+    one = parse(topology)
     hub = _devices(machine) / one.hub_interface
     port = hub / f"{one.hub}-port{one.port}"
     what = f"port {one.port} of USB hub {one.hub}"
     if not hub.is_dir():
-        raise InterfaceError(f"{what}: there is no such hub", SHOW)
+        raise InterfaceError(f"{what}: no such hub", SHOW)
     if not port.is_dir():
         ports = len(list(hub.glob(f"{one.hub}-port*")))
         raise InterfaceError(f"{what}: it has {ports} ports", "correct usb of the slot in the board file")
@@ -155,12 +164,12 @@ def hub_port(machine: Machine, topology: str, on: bool) -> None:
 
 def _switch(path: Path, on: bool, what: str) -> None:
     if not path.exists():
-        raise InterfaceError(f"{what}: the kernel has no {path.name} for ports", "it takes Linux 6.0 or later")
+        raise InterfaceError(f"{what}: the kernel has no {path.name} for ports", "use Linux 6.0 or later")
     try:
         sysfs.switch(path, not on)
         is_on = sysfs.text(path) == "0"
     except OSError as error:
-        if error.errno == errno.EPIPE:  # a stall: the hub does not know the request
+        if error.errno == errno.EPIPE:  # stall: the hub does not support the request
             raise _not_switched(what) from error
         raise _refused(what, error) from error
     if is_on is not on:
@@ -168,21 +177,21 @@ def _switch(path: Path, on: bool, what: str) -> None:
 
 
 def _not_switched(what: str) -> InterfaceError:
-    hint = "set hub_port = false for the slot: `authorized` is used then; `lsusb -v` of the hub says what it switches"
+    hint = "set hub_port = false for the slot, which then uses `authorized`; see `lsusb -v` of the hub"
     return InterfaceError(f"{what}: the hub does not switch its ports one by one", hint)
 
 
 def _refused(what: str, error: OSError) -> InterfaceError:
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         return InterfaceError(
-            f"{what}: not permitted", "run the station as root: it takes writing to /sys and /dev/bus/usb"
+            f"{what}: not permitted", "give the station's user write access to /sys and /dev/bus/usb, or run it as root"
         )
     if error.errno in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return InterfaceError(f"{what}: the device is gone", SHOW)
-    return InterfaceError(f"{what}: {os.strerror(error.errno or 0).lower()}", "`dmesg` has the kernel's reason")
+    return InterfaceError(f"{what}: {os.strerror(error.errno or 0).lower()}", "see `dmesg`")
 
 
-# Reading sysfs: whatever is there may be gone at the next look.
+# Readers of sysfs: each file may disappear between two reads.
 
 
 def _devices(machine: Machine) -> Path:
@@ -190,15 +199,15 @@ def _devices(machine: Machine) -> Path:
 
 
 def _present(machine: Machine, topology: str) -> Path:
-    folder = _devices(machine) / str(place.parse(topology))
+    folder = _devices(machine) / str(parse(topology))
     if not folder.is_dir():
-        raise InterfaceError(f"no USB device at {topology}", f"is the slot powered, is the module in it? {SHOW}")
+        raise InterfaceError(f"no USB device at {topology}", f"check that the slot has power and its module; {SHOW}")
     return folder
 
 
-def _read(folder: Path) -> Device | None:
+def _read(folder: Path) -> UsbDevice | None:
     try:
-        return Device(
+        return UsbDevice(
             folder.name,
             int(sysfs.text(folder / "devnum")),
             sysfs.text(folder / "idVendor"),
@@ -207,18 +216,18 @@ def _read(folder: Path) -> Device | None:
             is_authorized=sysfs.optional(folder / "authorized") != "0",
             interfaces=tuple(sorted(UsbInterface(number, *_function(path)) for number, path in _interfaces(folder))),
         )
-    except (OSError, ValueError):  # ValueError: empty, as a read in the moment of unplugging may be
+    except (OSError, ValueError):  # ValueError: a read during unplugging may return an empty text
         return None
 
 
-def _with_words(machine: Machine, device: Device) -> Device:
+def _with_words(machine: Machine, device: UsbDevice) -> UsbDevice:
     folder = _devices(machine) / device.topology
     manufacturer, title = sysfs.optional(folder / "manufacturer"), sysfs.optional(folder / "product")
     return device._replace(manufacturer=manufacturer, title=title)
 
 
 def _interfaces(folder: Path) -> Iterator[tuple[int, Path]]:
-    """bInterfaceNumber and folder of each interface of a device."""
+    """Yield bInterfaceNumber and folder of each interface of a device."""
     for name in os.listdir(folder):
         if name.startswith(f"{folder.name}:"):
             with suppress(OSError, ValueError):
@@ -240,7 +249,9 @@ def _interface(machine: Machine, topology: str, number: int) -> Path:
         if sysfs.optional(device / "authorized") == "0":
             raise InterfaceError(f"USB device {topology} is not authorized", "write 1 to its `authorized`, or cycle it")
         there = ", ".join(map(str, sorted(found))) or "none"
-        raise InterfaceError(f"USB device {topology} has no interface {number}, but {there}", "is it the right device?")
+        raise InterfaceError(
+            f"USB device {topology} has no interface {number}, but {there}", "check that it is the right device"
+        )
     return found[number]
 
 
@@ -255,7 +266,7 @@ def _below(machine: Machine, topology: str, pattern: str, what: str) -> str:
 
 
 def _names(folder: Path, pattern: str) -> list[str]:
-    """What a pattern finds, ttyUSB9 before ttyUSB10."""
+    """Return the names that match a pattern, ttyUSB9 before ttyUSB10."""
     with suppress(OSError):
         return sorted((path.name for path in folder.glob(pattern)), key=lambda name: (len(name), name))
     return []
@@ -264,7 +275,7 @@ def _names(folder: Path, pattern: str) -> list[str]:
 def _unbound(topology: str, which: str, what: str, folder: Path) -> InterfaceError:
     driver = folder / "driver"
     why = f"its driver is {driver.resolve().name}" if driver.exists() else "no driver is bound to it"
-    return InterfaceError(f"USB device {topology}: {which} is no {what}", f"{why}; `dmesg` says what was tried")
+    return InterfaceError(f"USB device {topology}: {which} is not a {what}", f"{why}; see `dmesg`")
 
 
 def _speed(text: str) -> float:

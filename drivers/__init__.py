@@ -1,7 +1,7 @@
-"""Every kind of interface, by the name that captain.toml calls it: a new one is a function here, and its line.
+"""Registry of drivers by their name in captain.toml.
 
-A driver is imported when it is used: a station pays at its start for those that it has. The imports are written out,
-so that grep, mypy and the freezer see every driver.
+A driver is imported when it is first used, so a station starts faster: it loads only the drivers of its interfaces.
+Each import is written out, so that grep, mypy and the program that builds the one-file binary find every driver.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -10,7 +10,7 @@ from drivers.contract import DriverClass
 
 
 def _udp() -> DriverClass:
-    from drivers.udp import Udp
+    from drivers.udp.driver import Udp
 
     return Udp
 
@@ -34,25 +34,25 @@ def _morse() -> DriverClass:
 
 
 def _zed_f9p() -> DriverClass:
-    from drivers.zed_f9p import ZedF9p
+    from drivers.gnss.driver import ZedF9p
 
     return ZedF9p
 
 
 def _som301e() -> DriverClass:
-    from drivers.som301e import Som301e
+    from drivers.som301e.driver import Som301e
 
     return Som301e
 
 
 def _sim8202g() -> DriverClass:
-    from drivers.sim8202g import Sim8202g
+    from drivers.sim8202g.driver import Sim8202g
 
     return Sim8202g
 
 
 def _mqtt() -> DriverClass:
-    from drivers.mqtt import Mqtt
+    from drivers.mqtt.driver import Mqtt
 
     return Mqtt
 
@@ -70,7 +70,7 @@ LOADERS: dict[str, Callable[[], DriverClass]] = {
 
 
 class Drivers(Mapping[str, DriverClass]):
-    """The classes of LOADERS by name, each imported when it is asked for."""
+    """Driver classes by name; a look-up imports the class. Raises KeyError for a name that LOADERS does not have."""
 
     def __getitem__(self, name: str) -> DriverClass:
         return LOADERS[name]()

@@ -1,36 +1,46 @@
-"""The contract between the station and an interface: a driver below, its host above."""
+"""Contract between the station (host) and an interface (driver)."""
 
 from collections.abc import Callable, Mapping
 from enum import Enum, Flag, auto
 from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
-from board.errors import StationError
-from board.loop import Loop
 from board.machine import REAL, Machine
-from board.time import Fix, TimeMark
+from board.runtime.errors import StationError
+from board.runtime.loop import Loop
+from board.time.scales import Fix, TimeMark
 from drivers.message import NO_RX_INFO, Ego, Request, RxInfo
 from drivers.reason import Reason
-from drivers.wire.geonet_own import OwnPackets
+from drivers.wire.geonet.own import OwnPackets
 
 
 class Can(Flag):
-    """What an interface is able to do."""
+    """Abilities of an interface: a set of flags in its Capabilities.
+
+    RECEIVE       receives PDUs.
+    TRANSMIT      sends PDUs.
+    POSITION      reports position solutions by host.fix().
+    TIMEMARK      reports the time of 1PPS pulses by host.time_mark().
+    BEARER        gives other interfaces a network, as a modem does.
+    GEOBROADCAST  carries the destination area of a request to the receivers.
+    ANYWHERE      reaches receivers at any place, so a request is sent without its destination area.
+    """
 
     RECEIVE = auto()
     TRANSMIT = auto()
     POSITION = auto()
     TIMEMARK = auto()
     BEARER = auto()
-    GEOBROADCAST = auto()  # a request's area is carried to the receivers
-    ANYWHERE = auto()  # receivers are reached wherever they are: a request leaves without its area, which the PDU has
+    GEOBROADCAST = auto()
+    ANYWHERE = auto()  # leaving out the area loses nothing: the PDU contains it as well
 
 
 class Capabilities(NamedTuple):
-    """What a driver declares about itself.
+    """Properties that a driver declares: abilities, medium, longest PDU and metadata.
 
-    technology   the field's name for the medium: its-g5, 5g, udp, ethernet, uart, ...
-    max_payload  octets of a PDU that it can carry.
-    metadata     names of the RxInfo fields that it fills.
+    can          abilities of the interface.
+    technology   usual name of the medium: its-g5, 5g, udp, ethernet, uart, ...
+    max_payload  length of the longest PDU that the interface carries, in octets.
+    metadata     names of the RxInfo fields that the driver fills.
     """
 
     can: Can
@@ -40,97 +50,147 @@ class Capabilities(NamedTuple):
 
 
 class Sent(Enum):
-    """What send() did with a request."""
+    """Result of Driver.send()."""
 
-    NOW = auto()  # it has left
-    LATER = auto()  # the driver keeps it and will call host.confirm(), never from inside send()
-    BUSY = auto()  # it could not be taken; the host keeps it until the driver calls host.writable()
+    NOW = auto()  # the request has left
+    LATER = auto()  # the driver keeps the request and calls host.confirm() afterwards, never from inside send()
+    BUSY = auto()  # the driver did not take the request; the host keeps it until the driver calls host.writable()
 
 
-# By these names a message costs less: Sent.NOW is a look-up of 0.15 us.
+# Drivers import these names because the attribute look-up Sent.NOW costs 0.15 us per message.
 NOW: Final = Sent.NOW
 LATER: Final = Sent.LATER
 BUSY: Final = Sent.BUSY
 
 
 class Host(Protocol):
-    """What a driver may ask of the station: one host per interface."""
+    """The station as a driver sees it: one host per interface.
 
-    name: str  # of the interface, as in captain.toml
-    slot: str  # that its module sits in and has its power from; empty: nobody can cut it
+    name  name of the interface in captain.toml.
+    slot  name of the board's slot that powers the module; empty if the station cannot switch the module's power.
+    loop  event loop of the station: the driver adds its descriptors and timers to it.
+    """
+
+    name: str
+    slot: str
     loop: Loop
 
     def indicate(self, pdu: bytes, received_ns: int, rx: RxInfo = NO_RX_INFO) -> None:
-        """A facilities PDU was received; received_ns is Unix time in nanoseconds."""
+        """Pass a received facilities PDU to the station.
+
+        received_ns  time of reception: Unix time in nanoseconds.
+        rx           metadata of the reception.
+        """
 
     def heard(self, mac: bytes, rssi_dbm: int | None) -> None:
-        """A neighbour showed itself without a PDU: a beacon."""
+        """Report a neighbour that was received without a PDU, for example by its beacon.
+
+        mac       MAC address of the neighbour: 6 octets.
+        rssi_dbm  received signal strength; None if the interface does not measure it.
+        """
 
     def drop(self, reason: Reason, sample: bytes = b"", count: int = 1, detail: str = "") -> None:
-        """Something received was not passed on; detail: what the reason leaves out."""
+        """Report received messages that the driver discarded.
+
+        reason  drop reason.
+        sample  octets of one discarded message.
+        count   number of discarded messages.
+        detail  explanation that the reason does not contain.
+        """
 
     def confirm(self, request: Request, reason: Reason | None = None, detail: str = "") -> None:
-        """A request that send() kept for LATER has left, or was dropped for a reason; detail: what that leaves out."""
+        """Report the end of a request for which send() returned LATER.
+
+        reason  None if the request has left; otherwise the reason why the driver dropped it.
+        detail  explanation that the reason does not contain.
+        """
 
     def writable(self) -> None:
-        """Requests can be taken again after BUSY."""
+        """Report that the driver can take requests again, after send() returned BUSY."""
 
     def link(self, is_up: bool, why: str) -> None:
-        """The link came up or went down; the driver itself goes on."""
+        """Report that the link came up or went down; the driver keeps running.
+
+        why  reason in words, shown in status.
+        """
+
+    def starting(self, why: str) -> None:
+        """Report a step of the bring-up: the link is not up yet, which is not a fault.
+
+        why  the step in words, shown in status.
+        """
 
     def fail(self, error: StationError) -> None:
-        """The driver cannot go on: the host calls stop() at once and start() again later.
+        """Report a fault after which the driver cannot continue.
 
-        May be called from anywhere, also from inside send(), which then returns BUSY.
+        Before it returns, the host calls stop(). It calls start() again later. The driver may call it at any
+        place, also inside send(), which then returns BUSY.
         """
 
     def ego(self) -> Ego:
-        """Own time and position, now."""
+        """Return the station's current time, position and speed."""
+
+    def its_ms(self) -> int:
+        """Return the station's current ITS time in milliseconds; 0 if it is unknown.
+
+        It is called for each received packet, because it costs less than ego().
+        """
 
     def fix(self, fix: Fix) -> None:
-        """A receiver's solution of one epoch, with POSITION."""
+        """Report the position solution of a GNSS receiver for one epoch; for drivers with Can.POSITION."""
 
     def time_mark(self, mark: TimeMark) -> None:
-        """What a receiver says of its next pulse, with TIMEMARK."""
+        """Report the time mark of a GNSS receiver: the time of its next 1PPS pulse; for drivers with Can.TIMEMARK."""
 
-    def tell(self, details: Mapping[str, object]) -> None:
-        """What status shows of the module beside its link, as JSON; replaces what was told before."""
+    def report_details(self, details: Mapping[str, object]) -> None:
+        """Set the details that status shows beside the link: JSON values by name; they replace earlier details."""
 
 
 class FrameWatch(Protocol):
-    """Who looks at whole frames as interfaces have them: a recorder. Nothing of it is waited for."""
+    """Observer of the complete frames that interfaces receive and send, for example a recorder.
+
+    A call must return at once: interfaces do not wait for an observer.
+    """
 
     def came(self, interface: str, frame: bytes, received_ns: int, pdu: bytes) -> None:
-        """A frame was received; pdu is what of it will be indicated, the very object, or empty."""
+        """Observe a received frame, before its PDU is indicated.
+
+        pdu  the same object that the interface then passes to indicate(); empty if the frame has none.
+        """
 
     def made(self, interface: str, frame: bytes, request: Request | None) -> None:
-        """A request's frame is about to leave, which its confirm tells; without one a beacon or an answer has left."""
+        """Observe a frame that is sent.
+
+        request  request of the frame, which has not left yet: its confirm follows. None for a beacon or an answer to
+                 a location request, which has left.
+        """
 
 
 class Witness:
-    """Where an interface finds who looks: nobody, most of the time."""
+    """Holder of the current FrameWatch, shared by all interfaces; most of the time None."""
 
     watch: FrameWatch | None = None
 
 
 class Shared(NamedTuple):
-    """What all interfaces of one station have in common; given to a driver's constructor beside its options.
+    """Settings and objects that all interfaces of one station share; a driver's constructor gets them with its options.
 
-    mac                 the station's own address: 6 octets, the end of its GeoNetworking address.
-    gn_versions         GeoNetworking protocol versions that are accepted.
-    deliver_unverified  pass a signed packet's PDU on, although its signature is not verified.
+    mac                 MAC address of the station, 6 octets: the last part of its GeoNetworking address.
+    gn_versions         accepted GeoNetworking protocol versions.
+    deliver_unverified  True: the PDU of a signed packet is delivered, although its signature is not verified.
     btp_ports           BTP ports of the profile in use.
-    lanes               messageIDs of each lane: what has a queue of its own at reception, where the driver can give
-                        it one. The first is urgent and read before the others; what is in none is in one more.
-    station_type        of the GeoNetworking address: StationType of TS 102 894-2, 0..31; 0 is unknown, 15 a roadside
-                        unit.
+    lanes               messageIDs of each lane. A lane is a receive queue of its own, if the driver can provide one.
+                        The first lane is urgent and read before the others. One more lane takes all other messages.
+    station_type        station type in the GeoNetworking address: StationType of TS 102 894-2, 0..31; 0 is unknown,
+                        15 a roadside unit.
     is_mobile           itsGnIsMobile of EN 302 636-4-1.
-    is_mac_configured   whether mac was given by the user: the M bit of the GeoNetworking address (clause 6.3).
-    machine             where the kernel's files are: a driver of a USB module finds its ports there.
-    types               names of the message types by their row (MessageType.row); empty where one has none.
-    is_clock_set        whether the clock of this machine was ever set: without a battery it begins at any date.
-    witness             where those interfaces that have whole frames find who looks at them.
-    own                 packets that the station has sent, of all its interfaces; None: each keeps its own.
+    is_mac_configured   True if the user configured mac: the M bit of the GeoNetworking address (clause 6.3).
+    machine             location of the kernel's files: the driver of a USB module finds its ports there.
+    types               names of the message types by their row (MessageType.row); empty for a type without a name.
+    is_clock_set        function that returns True if this machine's clock was set since boot. Without an RTC the clock
+                        starts at an arbitrary date.
+    witness             holder of the observer of frames, for interfaces that handle complete frames.
+    own                 packets sent by all interfaces of the station. None: each interface remembers its own.
     """
 
     mac: bytes
@@ -149,23 +209,30 @@ class Shared(NamedTuple):
 
 
 class Driver(Protocol):
-    """One interface. The constructor takes its options and touches nothing."""
+    """One interface. The constructor stores its options and opens nothing."""
 
     @property
     def capabilities(self) -> Capabilities:
-        """Known once it is constructed: options may take some away."""
+        """Capabilities of this interface; fixed after construction, and options may have reduced them."""
 
     def start(self, host: Host) -> None:
-        """Open what it needs and return at once. Raises InterfaceError, having closed what it had opened."""
+        """Open the device and return without waiting.
+
+        Raises InterfaceError if something cannot be opened; everything opened so far is then closed again.
+        """
 
     def send(self, request: Request) -> Sent:
-        """Send a request; after start(). Raises RequestError for one it can never send: without TRANSMIT, for each."""
+        """Send a request; called only after start().
+
+        Raises RequestError if the interface can never send this request. An interface without Can.TRANSMIT raises it
+        for every request.
+        """
 
     def refresh(self) -> None:
-        """Report to the host what the kernel or the device has counted since the last time."""
+        """Report to the host the events that the kernel or the device has counted since the last call."""
 
     def stop(self) -> None:
-        """Close everything, having reported a last time as refresh() does; idempotent."""
+        """Report the last counts as refresh() does, then close everything; idempotent."""
 
 
 Answer = Callable[[Mapping[str, object] | StationError], None]
@@ -173,41 +240,46 @@ Answer = Callable[[Mapping[str, object] | StationError], None]
 
 @runtime_checkable
 class Operated(Protocol):
-    """A driver that an operator may ask more of: `captain modem`, `captain gnss`."""
+    """A driver that executes commands of an operator, as of `captain modem` and `captain gnss`."""
 
     def operate(self, do: str, arguments: Mapping[str, object], answer: Answer) -> None:
-        """Do what is asked and answer once, at once or later; after stop() no more.
+        """Execute a command and call answer() once, immediately or later, but not after stop().
 
-        What cannot be done is answered with a StationError.
+        do         name of the command.
+        arguments  arguments of the command by name.
+        answer     gets the result, or a StationError if the command cannot be executed.
         """
 
 
 @runtime_checkable
 class Borne(Protocol):
-    """A driver whose peers are reached by a mobile network: told how the interface is that its option names."""
+    """A driver that uses the network of another interface, its bearer; the station reports the bearer's state to it."""
 
     @property
     def bearer(self) -> str:
-        """Name of an interface with BEARER; empty: none is followed."""
+        """Name of the interface with Can.BEARER; empty if this driver depends on none."""
 
-    def bearer_changed(self, is_up: bool, device: str, why: str) -> None:
-        """The bearer came up or went down, or has another network device or address now; between start() and stop().
+    def bearer_changed(self, state: str, device: str, why: str) -> None:
+        """Take note that the bearer changed its state, network device or address.
 
-        device  of the network, as in wwan0; empty where it is not known.
-        why     in words, as its own link has it.
+        The station calls it only between start() and stop().
+
+        state   `up`, `starting` or `down`.
+        device  name of the bearer's network device, such as wwan0; empty if unknown.
+        why     text of the bearer's own link() report.
         """
 
 
 @runtime_checkable
 class Parting(Protocol):
-    """A driver with a last word to its peers: said by stop(), and waited for where the loop turns no more."""
+    """A driver that sends its peers a last message in stop(). An ending station waits for that message."""
 
     def part(self) -> None:
-        """Wait until it is said, some tenths of a second at most; after stop()."""
+        """Wait until the last message is sent, at most some tenths of a second; called after stop()."""
 
 
 class DriverClass(Protocol):
-    """A driver's class as DRIVERS holds it; Options is the frozen dataclass of its keys in captain.toml."""
+    """A driver's class, as DRIVERS contains it. Its Options is the frozen dataclass of its keys in captain.toml."""
 
     @property
     def Options(self) -> type[Any]: ...  # noqa: N802 it names a class

@@ -1,14 +1,22 @@
 """Implausible frames: the reasons, and their meaning in words.
 
-A frame with a reason is passed on with it: nothing that is sent without a signature can be trusted, and a test or a
-clock that is wrong looks the same as an attack. The policy says what is dropped.
+An implausible frame is passed on together with its reasons. Without signatures no frame can be trusted, and a test or a
+wrong clock looks like an attack. The policy decides which implausible frames are dropped.
 """
 
 from enum import StrEnum
 
 
 class Implausible(StrEnum):
-    """A reason as indications, status and the policy have it; MEANING says it in words."""
+    """Reason codes in indications, status and the policy. MEANING has their meanings; notes are below.
+
+    time         concerns the packet's timestamp, or `detectionTime` and `referenceTime` of a DENM.
+    source       compares the frame's source MAC address with that in the packet's GN_ADDR. A packet was not forwarded
+                 if it is a single-hop broadcast, or if its remaining hop limit is its maximum hop limit.
+    sequence     two packets within 20 s have different payloads: one is forged, or the source has restarted.
+    own-address  the packet has this station's address, but is not among those that the station remembers to have sent:
+                 at least the last 1024.
+    """
 
     POSITION = "position"
     TIME = "time"
@@ -25,12 +33,12 @@ MEANING: dict[Implausible, str] = {
     Implausible.OWN_ADDRESS: "another station uses the address of this one",
 }
 
-AHEAD_MS = 60_000  # tolerance for times: a clock that is wrong by the leap seconds (18 or 37 s) is not an attack
-# In 1e-7 degree. One step beyond the end of the world stands for an unknown place (TS 102 894-2 V2.4.1, Latitude and
-# Longitude).
+AHEAD_MS = 60_000  # tolerance for times in the future: a clock off by the leap seconds (18 or 37 s) is not an attack
+# In 1e-7 degree. 90 or 180 degrees plus one step means an unknown position (TS 102 894-2 V2.4.1, Latitude and
+# Longitude), so it is not implausible.
 MOST_LATITUDE, MOST_LONGITUDE = 900_000_001, 1_800_000_001
 
 
 def is_outside(latitude: int, longitude: int) -> bool:
-    """Return whether a place, in 1e-7 degree, is beyond the ends of the world."""
+    """Return True if a position in 1e-7 degree is out of range; the value for "unknown" is in range."""
     return not (-MOST_LATITUDE < latitude <= MOST_LATITUDE and -MOST_LONGITUDE < longitude <= MOST_LONGITUDE)

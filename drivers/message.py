@@ -1,31 +1,32 @@
-"""What travels: indications from an interface, requests to it, confirms about a request (words of EN 302 636)."""
+"""Messages of the station: indications, requests and confirms (words of EN 302 636)."""
 
 from enum import Enum, IntEnum
 from typing import NamedTuple
 
-from board.time import TimeQuality
+from board.time.scales import TimeQuality
 from drivers.implausible import Implausible
 from drivers.reason import Reason
 
-ITS_HEADER = 6  # octets: protocolVersion, messageID, stationID (TS 102 894-2, ItsPduHeader)
-MAX_PDU = 1500  # octets, payloadString of RawRxMessage
+ITS_HEADER = 6  # octets of the ITS PDU header: protocolVersion, messageID, stationID (TS 102 894-2, ItsPduHeader)
+MAX_PDU = 1500  # octets of the longest PDU: limit of payloadString in RawRxMessage
 
 
 class Position(NamedTuple):
-    """A place in 1e-7 degree, WGS84."""
+    """A position in 1e-7 degree, WGS84."""
 
     latitude: int = 0
     longitude: int = 0
 
 
 class Ego(NamedTuple):
-    """The station's own state as far as it is known: what a GeoNetworking position vector needs.
+    """Time, position and movement of the own station: the content of a GeoNetworking position vector.
 
-    its_ms     ITS time, milliseconds since 2004-01-01.
-    position   WGS84.
-    is_known   whether position is more than a default.
-    speed      in 0.01 m/s, signed. heading in 0.1 degree from north.
-    is_accurate  whether position is within itsGnPaiInterval / 2 of the truth; False: nobody knows how exact it is.
+    its_ms       ITS time: milliseconds since 2004-01-01.
+    position     position in WGS84.
+    is_known     True if the position was measured or configured. False if it is a default, or if ITS time is unknown.
+    speed        speed in 0.01 m/s, signed.
+    heading      heading in 0.1 degree, clockwise from north.
+    is_accurate  True if the position is within itsGnPaiInterval / 2 of the truth; False: its accuracy is unknown.
     """
 
     its_ms: int
@@ -55,7 +56,7 @@ class Area(NamedTuple):
 
 
 class SecurityStatus(IntEnum):
-    """RxSecurity.status of RawRxMessage."""
+    """Result of the check of a packet's signature, numbered as RxSecurity.status of RawRxMessage."""
 
     NONE = 0
     INVALID_FMT = 1
@@ -64,11 +65,11 @@ class SecurityStatus(IntEnum):
 
 
 class Security(NamedTuple):
-    """What is known of a packet's signature."""
+    """Security result of a packet: signature status, ITS-AID and SSP."""
 
     status: SecurityStatus = SecurityStatus.NONE
     its_aid: int = 0
-    ssp: bytes = b""  # at most 32 octets
+    ssp: bytes = b""  # service-specific permissions of the signer, at most 32 octets
 
 
 NOT_SECURED = Security()
@@ -76,20 +77,20 @@ NO_MAC = bytes(6)
 
 
 class RxInfo(NamedTuple):
-    """What an interface knows of a received PDU beside its octets; what it does not know keeps its default."""
+    """Metadata of a received PDU; a field that the interface does not know keeps its default."""
 
     btp_port: int | None = None
     rssi_dbm: int | None = None
-    data_rate: int = 0  # in 500 kbit/s
+    data_rate: int = 0  # data rate of the radio, in units of 500 kbit/s
     traffic_class: int = 0
-    hop_limit: int = 0  # remaining
+    hop_limit: int = 0  # remaining hop limit of the packet
     security: Security = NOT_SECURED
-    position: Position = Position()  # of the sender
+    position: Position = Position()  # position of the sender
     area: Area | None = None
     source_mac: bytes = NO_MAC
-    transport: str = ""  # shb, gbc, tsb, guc, gac, beacon; empty where there is no GeoNetworking
-    source: str = ""  # the client of a broker that sent it, where the broker's messages say so
-    implausible: tuple[Implausible, ...] = ()  # reasons to doubt it
+    transport: str = ""  # shb, gbc, tsb, guc, gac, beacon; empty on an interface without GeoNetworking
+    source: str = ""  # identifier of the broker's client that sent the PDU, if the broker's messages contain it
+    implausible: tuple[Implausible, ...] = ()  # reasons why the message is implausible; empty for a plausible one
 
 
 NO_RX_INFO = RxInfo()
@@ -98,14 +99,15 @@ NO_RX_INFO = RxInfo()
 class MessageType(NamedTuple):
     """A row of the table of message types.
 
-    name      as in the envelope; empty for an id without a name (`v2x..`).
-    number    messageID, octet 1 of the PDU.
-    btp_port  that it leaves by in the profile in use; None where it has none.
-    priority  0 leaves first; what the policy's default gives it.
-    row       of the table of types, and of its counters; unknown ids share the last.
-    lifetime  seconds after which it is too old to leave, unless the policy or the user says otherwise; in the
-              header of its single hop broadcast.
-    traffic_class  octet of the GeoNetworking common header, under the same condition.
+    name           name in the envelope; empty for a messageID without a name (`v2x..`).
+    number         messageID: second octet of the PDU.
+    btp_port       destination BTP port in the profile in use; None if the type has none.
+    priority       default priority in the policy; 0 is sent first.
+    row            row in the table of types and in the counters; all unknown messageIDs share the last row.
+    lifetime       default lifetime in seconds: an older message is dropped instead of sent. It is also written into
+                   the header of the single-hop broadcast. The policy or the user may set another value.
+    traffic_class  default traffic class, an octet of the GeoNetworking common header. The policy or the user may set
+                   another value.
     """
 
     name: str
@@ -121,31 +123,33 @@ UNKNOWN_TIME = TimeQuality()
 
 
 class Indication(NamedTuple):
-    """A PDU that came from an interface.
+    """A PDU received from an interface.
 
-    quality  of received_ns as a time: of the second in which it came.
+    received_ns  time of reception: Unix time in nanoseconds, by the kernel's time stamp if there is one.
+    monotonic    time when the station took the PDU, by the loop's clock.
+    quality      quality of the station's time in the second of the reception.
     """
 
     kind: MessageType
     pdu: bytes
     interface: str
-    received_ns: int  # Unix time, from the kernel where it stamps
-    monotonic: float  # the loop's clock, when the station took it
+    received_ns: int
+    monotonic: float
     rx: RxInfo
     quality: TimeQuality = UNKNOWN_TIME
 
 
 class Request(NamedTuple):
-    """A PDU that goes to interfaces; one object, whatever number of interfaces it leaves by.
+    """A PDU to send. All interfaces that send it share one Request object.
 
-    number         counts requests since the start.
-    accepted       the loop's clock when the station took it.
-    deadline       the loop's clock after which it must not leave.
-    priority       0 leaves first.
+    number         running number of the request since the station's start.
+    accepted       time when the station accepted the request, by the loop's clock.
+    deadline       time after which the request is dropped instead of sent, by the loop's clock.
+    priority       priority in the queue of an interface; 0 is sent first.
     traffic_class  octet of the GeoNetworking common header.
-    area           makes it a GeoBroadcast; None is a single hop broadcast.
-    hop_limit      of a GeoBroadcast.
-    label          the user's own id for confirms; empty without one.
+    area           destination area of a GeoBroadcast; None for a single-hop broadcast.
+    hop_limit      hop limit of a GeoBroadcast.
+    label          identifier chosen by the user, returned in confirms; empty without one.
     """
 
     number: int
@@ -162,21 +166,21 @@ class Request(NamedTuple):
 
 
 class Outcome(Enum):
-    """What became of a request, as in confirm messages."""
+    """Outcome of a request, as in confirm messages."""
 
-    ACCEPTED = "accepted"  # by the station; the interfaces it goes to are named
-    SENT = "sent"  # by this interface
-    REFUSED = "refused"  # by the station, before any interface
-    DROPPED = "dropped"  # by this interface's queue or driver
+    ACCEPTED = "accepted"  # the station accepted it; the confirm names the interfaces that it goes to
+    SENT = "sent"  # this interface sent it
+    REFUSED = "refused"  # the station refused it before it reached an interface
+    DROPPED = "dropped"  # the queue or the driver of this interface dropped it
 
 
 class Confirm(NamedTuple):
-    """The answer to a request: one when it is accepted or refused, then one from each interface."""
+    """An answer to a request. The user gets one when the station accepts or refuses it, then one for each interface."""
 
     request: Request
     outcome: Outcome
     interface: str = ""
     reason: Reason | None = None
-    queue_s: float = 0.0  # from accepted to handed to the driver
-    send_s: float = 0.0  # from there until it had left
-    detail: str = ""  # what the reason does not say
+    queue_s: float = 0.0  # seconds from acceptance until the driver got the request
+    send_s: float = 0.0  # seconds from then until it had left
+    detail: str = ""  # explanation that the reason does not contain

@@ -1,38 +1,43 @@
-"""Morse code as an interface: PDUs that one can hear, or see at a line. The template for a new one: README.md."""
+"""Driver for PDUs in Morse code, as WAV files or on a GPIO line.
+
+It is the template for a new driver; README.md explains how to write one.
+"""
 
 import os
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, BinaryIO, ClassVar
 
-from board.describe import Range
 from board.description import LineDescription
-from board.errors import ConfigurationError, InterfaceError, RequestError
 from board.line import Blinker, OutputLine
-from board.loop import Timer
+from board.runtime.describe import Range
+from board.runtime.errors import ConfigurationError, InterfaceError, RequestError
+from board.runtime.loop import Timer
 from drivers.contract import BUSY, LATER, Can, Capabilities, Host, Sent, Shared
 from drivers.message import Request
 from drivers.reason import Reason
 from drivers.wire import morse
 
-POLL_S = 0.2  # between two looks at the directory; a message takes longer to speak
-MAX_FILE = 5_000_000  # octets: the longest PDU at the slowest unit takes 4 million
-SLICE = 65536  # octets of a file that are heard in one turn
-SAMPLE = 1024  # octets of a file that is no message, to look at
-KEEP = 100  # files that nobody has heard; before one more is written, the oldest is removed
+POLL_S = 0.2  # seconds between two looks into the directory; sending one message takes longer
+MAX_FILE = 5_000_000  # octets read of one file: the longest PDU at the slowest unit takes 4 million
+SLICE = 65536  # octets of a file that are decoded in one turn of the loop
+SAMPLE = 1024  # octets of an undecodable file that are kept as the sample of its drop
+KEEP = 100  # files that no station has read yet; the oldest is removed before one more is written
 
 
 @dataclass(frozen=True)
 class MorseOptions:
-    """Options of an interface with driver = "morse".
+    """PDUs in Morse code: the template for a driver of your own.
 
-    speak    directory that WAV files are written to.
-    listen   directory that WAV files are heard from, and removed; another station's speak.
+    speak    folder for written WAV files.
+    listen   folder of WAV files to read; they are removed. It is `speak` of another station.
     chip     GPIO chip by label (pinctrl-bcm2711), name or path.
-    line     of that chip, active while it sounds.
+    line     line of that chip, active while a dot or dash lasts. Left out: none.
     unit_ms  length of a dot.
+
+    Raises ConfigurationError without speak, listen and line.
     """
 
     speak: str = ""
@@ -47,7 +52,7 @@ class MorseOptions:
 
 
 class Morse:
-    """PDUs in dots and dashes."""
+    """Driver for PDUs in Morse code."""
 
     Options: ClassVar[type] = MorseOptions
 
@@ -57,28 +62,50 @@ class Morse:
         self.capabilities = Capabilities(hears | sends, "morse", morse.MAX_PDU)
         self._options = options
         self._dev = shared.machine.dev
-        self._opened = ExitStack()
-        self._files: set[BinaryIO] = set()  # that are being spoken or heard
-        self._look_timer: Timer | None = None
-        self._speak_timer: Timer | None = None
+        self._running: _RunningMorse | None = None
 
     def start(self, host: Host) -> None:
-        self._host = host
-        self._blinker: Blinker | None = None
-        self._ways = 0  # that the message still has to go: a file, a line
+        """Check the directories and open the line.
+
+        Raises InterfaceError if a directory does not exist or cannot be read and written.
+        """
         for path in filter(None, (self._options.speak, self._options.listen)):
             if not (os.path.isdir(path) and os.access(path, os.R_OK | os.W_OK | os.X_OK)):
                 raise InterfaceError(f"{path}: no directory that can be read and written", f"mkdir -p {path}")
-        if self._options.line is not None:
-            line = OutputLine(
-                LineDescription(chip=self._options.chip, offset=self._options.line, initial="inactive"), self._dev
-            )
-            self._opened.callback(line.close)
-            self._blinker = Blinker(host.loop, line)
-            self._opened.callback(self._blinker.stop)
-        if self._options.listen:
-            self._look_timer = host.loop.after(0.0, self._look)
+        self._running = _RunningMorse(self._options, self._dev, host)
         host.link(True, f"a dot lasts {self._options.unit_ms} ms")
+
+    def send(self, request: Request) -> Sent:
+        """Write the PDU as a WAV file and blink it on the line.
+
+        Raises RequestError if it is longer than morse.MAX_PDU octets.
+        """
+        return BUSY if self._running is None else self._running.send(request)
+
+    def refresh(self) -> None:
+        """Do nothing: neither the kernel nor a device counts anything for this driver."""
+
+    def stop(self) -> None:
+        if self._running is not None:
+            self._running.stop()
+            self._running = None
+
+
+class _RunningMorse:
+    """State between start() and stop(): the open line, and the files that are written or read."""
+
+    def __init__(self, options: MorseOptions, dev: Path, host: Host) -> None:
+        self._options = options
+        self._host = host
+        self._files: set[BinaryIO] = set()
+        self._ways = 0  # outputs that have not finished the current message: the file, the line
+        self._speak_timer: Timer | None = None
+        self._line: OutputLine | None = None
+        self._blinker: Blinker | None = None
+        if options.line is not None:
+            self._line = OutputLine(LineDescription(chip=options.chip, offset=options.line, initial="inactive"), dev)
+            self._blinker = Blinker(host.loop, self._line)
+        self._look_timer = host.loop.after(0.0, self._look) if options.listen else None
 
     def send(self, request: Request) -> Sent:
         if len(request.pdu) > morse.MAX_PDU:
@@ -98,23 +125,23 @@ class Morse:
             self._blinker.blink([units * unit_s for units in durations], lambda error: self._blinked(request, error))
         return LATER
 
-    def refresh(self) -> None:
-        """Nothing is counted elsewhere."""
-
     def stop(self) -> None:
         for timer in (self._look_timer, self._speak_timer):
             if timer is not None:
                 timer.cancel()
         for file in self._files.copy():
             self._close(file)
-        self._opened.close()
+        if self._blinker is not None:
+            self._blinker.stop()
+        if self._line is not None:
+            self._line.close()
 
     def _speak(self, request: Request, slices: Iterator[bytes]) -> None:
-        """Begin a file, of which each turn of the loop writes a slice."""
+        """Open a WAV file; each turn of the loop then writes one slice of it."""
         speak = self._options.speak
         for old in _files(speak)[: 1 - KEEP]:
             os.unlink(old)
-        # Who listens never sees a file that is half written.
+        # The file gets its final name when it is complete, so a listening station never reads a partial file.
         file = open(os.path.join(speak, "part"), "wb")  # noqa: SIM115 closed by its last slice or stop()
         self._files.add(file)
         self._ways += 1
@@ -141,27 +168,27 @@ class Morse:
         self._done(request)
 
     def _done(self, request: Request) -> None:
-        """One way is done: the message has left when the last is."""
+        """Count one output as finished; confirm the request when all are finished."""
         self._ways -= 1
         if not self._ways:
             self._host.confirm(request)
             self._host.writable()
 
     def _look(self) -> None:
-        """Look for a file, five times a second, and begin to hear the oldest."""
+        """Open and remove the oldest WAV file, if there is one, and start to decode it; repeats every POLL_S."""
         try:
             for path in _files(self._options.listen)[:1]:
                 file = open(path, "rb")  # noqa: SIM115 closed by its last slice or stop()
                 self._files.add(file)
                 os.unlink(path)
-                self._hear(file, morse.Ear())
+                self._hear(file, morse.ToneDecoder())
                 return
         except OSError as error:
             self._fail(self._options.listen, error)
             return
         self._look_timer = self._host.loop.after(POLL_S, self._look)
 
-    def _hear(self, file: BinaryIO, ear: morse.Ear, sample: bytes = b"") -> None:
+    def _hear(self, file: BinaryIO, ear: morse.ToneDecoder, sample: bytes = b"") -> None:
         try:
             octets = file.read(SLICE)
         except OSError as error:
@@ -180,7 +207,7 @@ class Morse:
         self._files.discard(file)
         file.close()
 
-    def _heard(self, ear: morse.Ear, sample: bytes) -> None:
+    def _heard(self, ear: morse.ToneDecoder, sample: bytes) -> None:
         pdu = morse.decode(ear.end())
         if isinstance(pdu, Reason):
             self._host.drop(pdu, sample)

@@ -1,12 +1,39 @@
-"""Why a message was not passed on. Every discard names one of these, is counted, and leaves a sample."""
+"""Drop reasons. Every discarded message is counted under one of them, and a sample of it is kept.
+
+Two sets elsewhere contain some of these reasons. Those in USUAL of firmware/routing/drops.py are logged at level INFO.
+Those in LOST of firmware/recorder/triggers.py start a recording.
+"""
 
 from enum import StrEnum
 
 
 class Reason(StrEnum):
-    """A reason code as it stands in status, confirms and the journal; MEANING says it in words."""
+    """Reason codes in status, confirms and the journal. MEANING has their meanings; notes are below.
 
-    # from a user
+    policy             the row of the policy has `interfaces = []`.
+    no-area            an interface carries an area if it has GeoNetworking or reaches all receivers, as `mqtt` does.
+    queue-full         the interface is slower than its requests, or `queue` is too small.
+    kernel-queue       the kernel counts these drops.
+    receive-queue      the process with the radio's library or the MQTT client counts these drops.
+    own-echo           another station forwarded the message, or the broker returned it. Copies of own multicasts that
+                       the kernel makes are not counted.
+    gn-duplicate       the packet has the source, sequence number and payload of an earlier one.
+    gn-requests        the requests are those of the Location Service.
+    secured-format     `detail` has the cause. The station reads envelopes of TS 103 097 V1.2.1, and of V1.3.1 and later
+                       (IEEE 1609.2).
+    btp-port           applies to PDUs of any size; `reception.unknown_btp_port` may deliver them.
+    retained           a profile may accept retained messages: `accept_retained`.
+    subscriber-slow    applies to ports 5556 and 5558. Other subscribers lose nothing.
+    connections        the limit is 512 connections in all; it is lower if `ulimit -n` is below 1,280.
+    topics             the limits are 512 topics per port from this machine, 32 from another address, and 2,048 in all:
+                       the connection with most topics is ended. Subscribers with ZMTP 2.0 (libzmq before 4.0) share 512
+                       topics per port.
+    unfinished-message  the limits are 64 frames and 327,680 octets.
+    subscriber-flood   subscribers of one address may send 163,840 octets at once and 4,096 octets per second, without
+                       heartbeats. Beyond that, a connection that has sent more than 1,024 octets is ended.
+    subscriber-cut     the limits are 32,768 waiting messages per port, and 8,192 per subscriber.
+    """
+
     BAD_ENVELOPE = "bad-envelope"
     ONE_FRAME = "one-frame"
     BAD_OPTIONS = "bad-options"
@@ -16,19 +43,16 @@ class Reason(StrEnum):
     POLICY = "policy"
     RATE_LIMIT = "rate-limit"
     NO_AREA = "no-area"
-    # from either side
+    HEADER_MISMATCH = "header-mismatch"
     EMPTY_PDU = "empty-pdu"
     SHORT_PDU = "short-pdu"
     LONG_PDU = "long-pdu"
-    HEADER_MISMATCH = "header-mismatch"
-    # in a queue towards an interface
     QUEUE_FULL = "queue-full"
     EXPIRED = "expired"
     LINK_DOWN = "link-down"
     SEND_FAILED = "send-failed"
     NO_SUBSCRIBER = "no-subscriber"
     STOPPED = "stopped"
-    # from an interface
     KERNEL_QUEUE = "kernel-queue"
     RECEIVE_QUEUE = "receive-queue"
     DUPLICATE = "duplicate"
@@ -55,9 +79,7 @@ class Reason(StrEnum):
     TOPIC = "topic"
     PAYLOAD = "payload"
     RETAINED = "retained"
-    # towards a user
     SUBSCRIBER_SLOW = "subscriber-slow"
-    # a connection of the endpoint that was ended
     CONNECTIONS = "connections"
     TOPICS = "topics"
     UNFINISHED = "unfinished-message"
@@ -65,11 +87,21 @@ class Reason(StrEnum):
     SUBSCRIBER_CUT = "subscriber-cut"
 
 
+# Groups of reasons by the place of the drop. A group starts at the reason named here, in the order of Reason.
+GROUPS = {
+    "From users": Reason.BAD_ENVELOPE,
+    "From either side": Reason.EMPTY_PDU,
+    "In the queue of an interface": Reason.QUEUE_FULL,
+    "From an interface": Reason.KERNEL_QUEUE,
+    "To users": Reason.SUBSCRIBER_SLOW,
+    "Connections of the endpoint": Reason.CONNECTIONS,
+}
+
 MEANING: dict[Reason, str] = {
     Reason.BAD_ENVELOPE: "the first frame is neither `v2x.` nor `v2x.<type>.` of a known type; mind case and dot",
     Reason.ONE_FRAME: "the message has one frame; send two, the envelope and the PDU",
-    Reason.BAD_OPTIONS: "the third frame is not a JSON object of known options; the README lists them",
-    Reason.UNKNOWN_TYPE: "messageID (octet 1 of the PDU) is in no table; add a row [[types]] to captain.toml",
+    Reason.BAD_OPTIONS: "the third frame is not a JSON object of known options; `detail` names the mistake",
+    Reason.UNKNOWN_TYPE: "messageID (second octet of the PDU) is in no table; add a row [[types]] to captain.toml",
     Reason.NO_PORT: "this type has no BTP port in the profile in use; choose profile standard or add a row [[types]]",
     Reason.NO_INTERFACE: "no interface that the policy or the user names for it exists and transmits",
     Reason.POLICY: "a row of the policy says that this message leaves by no interface",
@@ -99,7 +131,7 @@ MEANING: dict[Reason, str] = {
     Reason.GN_OUTSIDE_AREA: "the station is outside the packet's destination area",
     Reason.GN_NOT_FOR_US: "the packet is addressed to another station, or carries no message for a user",
     Reason.GN_REQUESTS: "more requests for the station's position than the 10 per second that it answers",
-    Reason.GN_NEXT_HEADER: "what follows the GeoNetworking headers is not BTP",
+    Reason.GN_NEXT_HEADER: "the header after the GeoNetworking headers is not BTP",
     Reason.OWN_ADDRESS: "beacon or request of another station that has this station's address; change one of the two",
     Reason.IMPLAUSIBLE: "implausible message, dropped by a row of the policy (match.implausible)",
     Reason.SECURED: "it is signed, signatures are not verified yet, and reception.unverified is drop",
@@ -107,10 +139,10 @@ MEANING: dict[Reason, str] = {
     Reason.BTP_PORT: "its BTP port carries no known type of message; add a row [[types]] to captain.toml",
     Reason.FRAMING: "octets between two frames on a serial line, or a frame of impossible length",
     Reason.CHECKSUM: "the frame's checksum does not match",
-    Reason.RAW_FORMAT: "a message of an interface process is no RawRxMessage of one frame",
+    Reason.RAW_FORMAT: "a message of an interface process is not a RawRxMessage in one frame",
     Reason.TOPIC: "the broker sent a topic that is outside the profile's templates",
     Reason.PAYLOAD: "its payload is not of the form that the profile of the broker has, or above 64 KiB",
-    Reason.RETAINED: "the broker had kept it from earlier: how old it is nobody knows",
+    Reason.RETAINED: "the broker had retained it; its age is unknown",
     Reason.SUBSCRIBER_SLOW: "a subscriber fell behind; it alone loses messages until it has read half of its queue",
     Reason.CONNECTIONS: "too many connections; of the address with most, the oldest unused one was ended",
     Reason.TOPICS: "a subscriber has too many topics, or one of more than 256 octets; its connection was ended",

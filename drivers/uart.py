@@ -1,31 +1,30 @@
-"""A serial line as an interface: PDUs in frames with length and checksum, between two stations or to a modem."""
+"""Driver for a serial line: PDUs in frames with length and checksum, to another station or a modem."""
 
 import time
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from board.describe import Range
-from board.errors import InterfaceError
-from board.loop import Timer
+from board.runtime.describe import Range
+from board.runtime.loop import Timer
 from board.serial import SerialPort
 from drivers.contract import BUSY, LATER, NOW, Can, Capabilities, Host, Sent, Shared
 from drivers.message import NO_RX_INFO, Request, RxInfo
 from drivers.wire.serial_frame import Event, Frame, SerialFrames, encode
 
-BITS = 10  # of an octet on the line: start, eight, stop
+BITS = 10  # bits per octet on the line: a start bit, eight data bits, a stop bit
 
-# How much of the line's time may be written ahead. The kernel would take 4096 octets, 0.36 s at 115,200 baud, and
-# no DENM could overtake them; the station's own queue is where messages wait in their order.
+# Transmission time in seconds that the driver may have written to the kernel in advance. The kernel would buffer
+# 4096 octets, 0.36 s at 115,200 baud, and a DENM could not overtake them. Messages wait in the station's queue instead.
 AHEAD_S = 0.02
 
 
 @dataclass(frozen=True)
 class UartOptions:
-    """Options of an interface with driver = "uart".
+    """PDUs on a serial line, in frames with length, BTP port and checksum.
 
-    device  path of the serial port; one of /dev/serial/by-id stays the same whatever else is plugged in.
-    baud    bits per second.
-    rtscts  whether the other end says by RTS and CTS when it can take octets.
+    device  path of the serial port. A path in /dev/serial/by-id does not change with the order of plugging.
+    baud    speed of the line.
+    rtscts  hardware flow control by RTS and CTS.
     """
 
     device: str
@@ -34,7 +33,7 @@ class UartOptions:
 
 
 class Uart:
-    """PDUs on a serial line, framed as drivers/wire/serial_frame.py says."""
+    """Driver for PDUs on a serial line, in frames of drivers/wire/serial_frame.py."""
 
     Options: ClassVar[type] = UartOptions
     capabilities: ClassVar[Capabilities] = Capabilities(
@@ -43,50 +42,66 @@ class Uart:
 
     def __init__(self, options: UartOptions, shared: Shared) -> None:
         self._options = options
-        self._port: SerialPort | None = None
-        self._gap: Timer | None = None
-        self._pace: Timer | None = None
+        self._line: _Line | None = None
 
     def start(self, host: Host) -> None:
-        options = self._options
+        self._line = _Line(self._options, host)
+        host.link(True, f"{self._options.device} at {self._options.baud} baud")
+
+    def send(self, request: Request) -> Sent:
+        return BUSY if self._line is None else self._line.send(request)
+
+    def refresh(self) -> None:
+        """Do nothing. The kernel counts overruns of a UART, but USB adapters do not report them.
+
+        The checksum of the frames detects lost octets.
+        """
+
+    def stop(self) -> None:
+        if self._line is not None:
+            self._line.close()
+            self._line = None
+
+
+class _Line:
+    """State between start() and stop(): the open port. Raises InterfaceError if it cannot be opened."""
+
+    def __init__(self, options: UartOptions, host: Host) -> None:
         self._host = host
+        self._octet_s = BITS / options.baud
         self._frames = SerialFrames()
-        self._request: Request | None = None
+        self._request: Request | None = None  # request that the port has only partly written
         self._free_at = host.loop.clock()
+        self._gap: Timer | None = None
+        self._pace: Timer | None = None
         self._port = SerialPort(
-            host.loop, options.device, options.baud, self._received, self._broken, self._drained, options.rtscts
+            host.loop, options.device, options.baud, self._received, host.fail, self._drained, options.rtscts
         )
-        host.link(True, f"{options.device} at {options.baud} baud")
 
     def send(self, request: Request) -> Sent:
         loop, port = self._host.loop, self._port
         now = loop.clock()
-        if port is None or port.is_busy:
+        if port.is_busy:
             return BUSY
         if self._free_at > now + AHEAD_S:
             if self._pace is None:
                 self._pace = loop.after(self._free_at - AHEAD_S - now, self._has_room)
             return BUSY
         octets = encode(request.btp_port, request.pdu)
-        self._free_at = max(now, self._free_at) + len(octets) * BITS / self._options.baud
+        self._free_at = max(now, self._free_at) + len(octets) * self._octet_s
         if port.write(octets):
             return NOW
-        if not port.is_busy:  # it broke, and the host knows
+        if not port.is_busy:  # the port failed while it wrote, and has already called host.fail()
             return BUSY
         self._request = request
         return LATER
 
-    def refresh(self) -> None:
-        """The kernel counts overruns of a UART, but a USB adapter never tells it: the checksum notices what is lost."""
-
-    def stop(self) -> None:
+    def close(self) -> None:
+        """Close the port and discard the request that waits in it."""
         for timer in (self._gap, self._pace):
             if timer is not None:
                 timer.cancel()
-        self._gap = self._pace = None
-        if self._port is not None:
-            self._port.close()
-            self._port = None
+        self._port.close()
 
     def _received(self, octets: bytes) -> None:
         self._take(self._frames.receive(octets, self._host.loop.clock()))
@@ -98,7 +113,7 @@ class Uart:
     def _take(self, events: list[Event]) -> None:
         received_ns = time.time_ns()
         for event in events:
-            if self._port is None:  # what was indicated stopped the interface
+            if not self._port.is_open:  # an earlier indication of this batch led to stop()
                 return
             if isinstance(event, Frame):
                 rx = RxInfo(btp_port=event.port) if event.port else NO_RX_INFO
@@ -106,8 +121,9 @@ class Uart:
             else:
                 self._host.drop(event.reason, event.sample)
         deadline, loop = self._frames.deadline(), self._host.loop
-        if deadline is not None and self._gap is None and self._port is not None:
-            # Octets that come move the deadline: the timer then comes early, finds nothing and is set again.
+        if deadline is not None and self._gap is None and self._port.is_open:
+            # Received octets postpone the deadline but do not move the timer. It then fires too early, finds
+            # nothing expired, and is set again.
             self._gap = loop.after(max(0.0, deadline - loop.clock()), self._silent)
 
     def _drained(self) -> None:
@@ -119,6 +135,3 @@ class Uart:
     def _has_room(self) -> None:
         self._pace = None
         self._host.writable()
-
-    def _broken(self, error: InterfaceError) -> None:
-        self._host.fail(error)

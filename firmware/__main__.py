@@ -4,11 +4,11 @@ import os
 import signal
 import sys
 
-INTERRUPTED = 130  # as a shell reports SIGINT
+INTERRUPTED = 130  # exit status by which shells report SIGINT
 
 
 def main() -> int:
-    """Run the command line; Ctrl-C is quiet from the first import on."""
+    """Run the command line and return its exit status. Ctrl-C prints no traceback, even during imports."""
     try:
         _die_with_boot_loader()
         return _main()
@@ -17,17 +17,20 @@ def main() -> int:
 
 
 def _die_with_boot_loader() -> None:
-    """Frozen into one file, the program is a child of what unpacked it: whoever kills that means the station."""
+    """Make this process end with its boot loader.
+
+    The one-file program is a child of PyInstaller's boot loader. If the loader is killed, the station must stop.
+    """
     unpacked = getattr(sys, "_MEIPASS", "")
     if unpacked and not unpacked.startswith(os.path.dirname(sys.executable)):
-        from board.child import die_with_parent
+        from board.runtime.child import die_with_parent
 
         die_with_parent(signal.SIGTERM)()
 
 
 def _main() -> int:
     if sys.argv[1:2] == ["--worker"]:
-        from board.worker import child
+        from board.runtime.worker import child
         from firmware.workers import WORKERS
 
         return child(sys.argv, WORKERS)

@@ -1,198 +1,102 @@
-"""The command line: one verb, its arguments, and how failures are told."""
+"""Command line: runs one command, reports its failure, returns its exit status."""
 
-import argparse
 import errno
 import io
 import os
-import re
 import resource
 import sys
 from contextlib import redirect_stderr, redirect_stdout
+from importlib import import_module
+from itertools import zip_longest
 from types import ModuleType
 from typing import TextIO
 
-from board.errors import StationError, UsageError
+from board.runtime.errors import StationError, UsageError
 from firmware import VERSION
 from firmware.printable import failure
+from firmware.usage import Parser, print_json
 
-# What `captain --help` says, without importing what it speaks of: a start is a tenth of a second, not a whole one.
-VERBS = {
-    "run": "run the station in the foreground",
-    "status": "what a running station does: interfaces, queues, counters, drops with their reasons",
-    "console": "the status screen of a serial console: 80 columns, 24 lines, a key for a shell",
-    "listen": "live table of received messages with their fields, or one JSON object a line",
-    "record": "frames as they come and go, for Wireshark; messages for ROS 2; a ring that keeps what was",
-    "replay": "recordings and captures sent again, into a station or on a link; rewritten, through a bad way",
-    "impair": "a bad way between two interfaces: loss, bursts, delay, reordering, copies, wrong bits; all counted",
-    "swarm": "many virtual stations that drive and send CAMs by the rules, CPMs and DENMs: up to and past a channel",
-    "extcap": "what Wireshark calls to capture from a station as from a network device",
-    "send": "send messages from hex, base64, files or directories, and say what became of each",
-    "decode": "octets of messages to their fields, from hex, base64, files or captures",
-    "encode": "fields to octets: the inverse of decode --json",
-    "convert": "messages from one form into another: hex, base64, binary, JSON, pcap",
-    "explain": "a message bit by bit, or why it does not decode",
-    "v2n-tap": "what a fleet publishes at an MQTT broker: shown and recorded, in as many copies as one likes",
-    "slot": "what sits in the board's slots, and their power: list, on, off, cycle",
-    "board": "the board: identity, slots, rails, temperatures, and the time line of the start",
-    "gnss": "what the GNSS receivers see: fix, accuracy, jamming, leap seconds; and their reset",
-    "time": "what time it is, by whose word, how exact; offset, jitter and Allan deviation as a picture",
-    "modem": "what the cellular modem sees; a command to it; its reset",
-    "selftest": "each thing that the board declares: is it there, does it work, what does it measure",
-    "update": "another version for the box: from a file or an address; the slots; back to the one before",
-    "box": "the owner's files of a card: whether a box will take them",
-    "ros2": "the gateway to ROS 2, by the Python of the ROS that is sourced",
-    "meter": "loss, delay, order and age of messages between stations, live or of recordings; as a page",
-    "doctor": "check configuration, ports, interfaces, permissions and clock, and say what to do",
-    "demo": "two simulated stations that exchange messages, watched live",
-    "lab": "the ten-message test between two stations: sent, received, equal, lost",
+# Commands by group, with their summaries. Each command is a module of firmware/commands. `captain --help` imports none
+# of these modules, so it takes a tenth of a second instead of a second. It shows two commands per line, so that all fit
+# into 24 lines of 80 columns.
+GROUPS = {
+    "use": {
+        "demo": "two simulated stations",
+        "run": "run the station",
+        "status": "interfaces, queues, drops",
+        "listen": "received messages, live",
+        "send": "send messages",
+        "record": "record for Wireshark, ROS 2",
+        "replay": "send recordings again",
+        "doctor": "find mistakes and remedies",
+        "console": "status on a serial line",
+        "update": "install another version",
+    },
+    "hardware": {
+        "board": "rails, temperatures, start",
+        "slot": "list slots, switch power",
+        "gnss": "receivers: fix, accuracy",
+        "modem": "cellular modem",
+        "time": "station time and accuracy",
+        "selftest": "test each part of the board",
+        "box": "check the owner's files",
+    },
+    "tools": {
+        "decode": "octets to fields",
+        "encode": "fields to octets",
+        "convert": "messages to another format",
+        "explain": "a message bit by bit",
+        "extcap": "live capture in Wireshark",
+        "v2n-tap": "a fleet's messages (broker)",
+        "ros2": "gateway to ROS 2",
+    },
+    "develop": {
+        "meter": "loss, delay and age",
+        "lab": "test between two stations",
+        "swarm": "many virtual stations",
+        "impair": "emulate a lossy link",
+    },
 }
+VERBS = {verb: summary for group in GROUPS.values() for verb, summary in group.items()}
+COLUMN = 39  # width of each of two columns; with a space, a line has 79 characters: some terminals break lines of 80
 USAGE_ERROR = 2
 OUTPUT_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+USAGE = "captain COMMAND [OPTIONS]"
 NO_DESCRIPTOR = (errno.EMFILE, errno.ENFILE)
 ENOUGH = "run `ulimit -n 1024` in this shell first, or set LimitNOFILE=1024 in the unit"
-# Their exit status is a verdict over all that they look at: they go on though nobody reads what they say.
+# Commands whose exit status is the result of all their checks. They continue even after the reader of their output has
+# closed the pipe.
 JUDGES = frozenset({"doctor", "selftest", "lab"})
-# What begins like a negative number is a value, and no option: argparse knows whole values only, and not "-20.5,100".
-A_NUMBER = re.compile(r"-\.?\d")
-INTERRUPTED = 130  # as a shell reports SIGINT
-CUT_OFF = 141  # as a shell reports SIGPIPE
+INTERRUPTED = 130  # exit status by which shells report SIGINT
+CUT_OFF = 141  # exit status by which shells report SIGPIPE
 
 
-def load(verb: str) -> ModuleType:  # noqa: PLR0915 (a table)
-    """The module of a verb; imported here by name so that tools and the freezer find each."""
-    match verb:
-        case "run":
-            from firmware.commands import run
-
-            return run
-        case "status":
-            from firmware.commands import status
-
-            return status
-        case "console":
-            from firmware.commands import console
-
-            return console
-        case "listen":
-            from firmware.commands import listen
-
-            return listen
-        case "record":
-            from firmware.commands import record
-
-            return record
-        case "replay":
-            from firmware.commands import replay
-
-            return replay
-        case "impair":
-            from firmware.commands import impair
-
-            return impair
-        case "swarm":
-            from firmware.commands import swarm
-
-            return swarm
-        case "extcap":
-            from firmware.commands import extcap
-
-            return extcap
-        case "send":
-            from firmware.commands import send
-
-            return send
-        case "decode":
-            from firmware.commands import decode
-
-            return decode
-        case "encode":
-            from firmware.commands import encode
-
-            return encode
-        case "convert":
-            from firmware.commands import convert
-
-            return convert
-        case "explain":
-            from firmware.commands import explain
-
-            return explain
-        case "v2n-tap":
-            from firmware.commands import v2n_tap
-
-            return v2n_tap
-        case "slot":
-            from firmware.commands import slot
-
-            return slot
-        case "board":
-            from firmware.commands import board
-
-            return board
-        case "gnss":
-            from firmware.commands import gnss
-
-            return gnss
-        case "time":
-            from firmware.commands import time
-
-            return time
-        case "modem":
-            from firmware.commands import modem
-
-            return modem
-        case "selftest":
-            from firmware.commands import selftest
-
-            return selftest
-        case "update":
-            from firmware.commands import update
-
-            return update
-        case "box":
-            from firmware.commands import box
-
-            return box
-        case "ros2":
-            from firmware.commands import ros2
-
-            return ros2
-        case "meter":
-            from firmware.commands import meter
-
-            return meter
-        case "doctor":
-            from firmware.commands import doctor
-
-            return doctor
-        case "demo":
-            from firmware.commands import demo
-
-            return demo
-        case _:
-            from firmware.commands import lab
-
-            return lab
+def load(verb: str) -> ModuleType:
+    """Import the module of a command: its name with `_` for each hyphen. The frozen binary contains all of them."""
+    return import_module(f"firmware.commands.{verb.replace('-', '_')}")
 
 
 def main(argv: list[str]) -> int:
-    """Run one verb. Returns the exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted, 141 its reader left."""
-    # A stream that the caller has closed is None: what would be said to it is said to nobody.
-    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115 for as long as the process runs
+    """Run one command and return the exit status.
+
+    0: success; 1: failure; 2: usage error; 130: interrupted; 141: the reader of the output closed the pipe.
+    """
+    # Python sets a standard stream to None if the caller has closed it. Its output is discarded.
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115 open until the process ends
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
     status = CUT_OFF
     try:
         try:
             return (status := _run(argv) if argv and argv[0] in VERBS else _help(argv))
-        except SystemExit as ended:  # of argparse, which has told how to use it, or that it was used wrongly
+        except SystemExit as ended:  # argparse raises it after help or a usage error
             status = int(ended.code or 0)
             raise
         finally:
-            sys.stdout.flush()  # at exit it would be too late to say nothing
+            sys.stdout.flush()  # here, because an error of Python's own flush at exit cannot be caught
     except BrokenPipeError:
         for stream in (sys.stdout, sys.stderr):
             _mute(stream)
-        return status  # what was done is done, though nobody reads that it was
+        return status  # the command itself is complete; only the rest of its output was not read
     except OSError as error:
         if error.errno not in OUTPUT_FULL:
             raise
@@ -203,17 +107,12 @@ def main(argv: list[str]) -> int:
 
 def _run(argv: list[str]) -> int:
     for stream in (sys.stdout, sys.stderr):
-        # A name that the terminal's character set lacks is shown as an escape, not as a traceback.
+        # Characters that the terminal's encoding does not have are escaped instead of raising UnicodeEncodeError.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     command = load(argv[0])
-    parser = argparse.ArgumentParser(
-        prog=f"captain {argv[0]}",
-        description=command.DESCRIPTION,
-        epilog=command.EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser._negative_number_matcher = A_NUMBER
+    Parser.is_json = "--json" in argv
+    parser = Parser(prog=f"captain {argv[0]}", description=command.DESCRIPTION, epilog=command.EPILOG)
     command.arguments(parser)
     with redirect_stdout(_Unheard(sys.stdout)), redirect_stderr(_Unheard(sys.stderr)):
         options = parser.parse_args(argv[1:])
@@ -227,7 +126,7 @@ def _run(argv: list[str]) -> int:
         return USAGE_ERROR if isinstance(error, UsageError) else 1
     except KeyboardInterrupt:
         return INTERRUPTED
-    except Exception as error:  # OSError, and that of ZeroMQ
+    except Exception as error:  # OSError and zmq.ZMQError have an errno
         if getattr(error, "errno", None) not in NO_DESCRIPTOR:
             raise
         most = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
@@ -237,7 +136,7 @@ def _run(argv: list[str]) -> int:
 
 
 class _Unheard(io.TextIOBase):
-    """A stream that is written to as before when its reader has left."""
+    """Stream that discards output after its reader has closed the pipe."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -253,7 +152,7 @@ class _Unheard(io.TextIOBase):
         _mute(self._stream)
 
     def close(self) -> None:
-        """Leave the stream open: at its end this object would flush it, where no error can be reported."""
+        """Leave the stream open: Python closes this object when it is deleted, and errors could not be caught then."""
 
     def isatty(self) -> bool:
         return self._stream.isatty()
@@ -263,7 +162,7 @@ class _Unheard(io.TextIOBase):
 
 
 def _mute(stream: TextIO) -> None:
-    """Write what waits; where the reader has left nobody reads that, nor what follows, nor what is left at exit."""
+    """Flush a stream. If its reader has closed the pipe, discard this and all later output."""
     try:
         stream.flush()
     except BrokenPipeError:
@@ -272,13 +171,11 @@ def _mute(stream: TextIO) -> None:
 
 
 def _tell(error: StationError, is_json: bool) -> None:
-    """What went wrong, for people; a program that asked for JSON has it as an object too, where it reads the rest."""
+    """Print an error on standard error; with --json, print it as a JSON object on standard output as well."""
     try:
         print(f"captain: {failure(error)}", file=sys.stderr, flush=True)
         if is_json:
-            import json
-
-            print(json.dumps({"error": error.message, "hint": error.hint}), flush=True)
+            print_json(error)
     except BrokenPipeError:
         _mute(sys.stderr)
         _mute(sys.stdout)
@@ -289,11 +186,28 @@ def _help(argv: list[str]) -> int:
         print(f"captain {VERSION}")
         return 0
     is_asked = bool(argv) and argv[0] in ("--help", "-h", "help")
+    if is_asked and len(argv) > 1 and argv[1] in VERBS:
+        return _run([argv[1], "--help"])
     out = _Unheard(sys.stdout if is_asked else sys.stderr)
-    if argv and not is_asked:
-        print(f"captain: {argv[0]!r} is no command", file=out)
-    print("usage: captain COMMAND [OPTIONS]\n\nStation software of a V2X box.\n\ncommands:", file=out)
-    for verb, summary in VERBS.items():
-        print(f"  {verb:8} {summary}", file=out)
-    print("\ncaptain COMMAND --help tells more; captain --version", file=out)
-    return 0 if is_asked else USAGE_ERROR
+    if is_asked or not argv:
+        print("\n".join(_commands()), file=out)
+        return 0 if is_asked else USAGE_ERROR
+    is_option = argv[0].startswith("-")
+    from board.runtime.describe import did_you_mean
+
+    close = did_you_mean(argv[0], ("--help", "--version") if is_option else VERBS)
+    print(f"usage: {USAGE}" if close else "\n".join(_commands()[:-1]), file=out)
+    remedy = close or "`captain --help` shows all"
+    print(f"captain: unknown {'option' if is_option else 'command'}: {argv[0]!r}; {remedy}", file=out)
+    return USAGE_ERROR
+
+
+def _commands() -> list[str]:
+    """Return the lines of `captain --help`."""
+    lines = [f"usage: {USAGE}", ""]
+    width = max(map(len, VERBS))
+    for group, verbs in GROUPS.items():
+        cells = [f"  {verb:{width}}  {summary}" for verb, summary in verbs.items()]
+        pairs = zip_longest(cells[::2], cells[1::2], fillvalue="")
+        lines += [f"{group}:", *(f"{left:{COLUMN}} {right}".rstrip() for left, right in pairs)]
+    return [*lines, "", "captain COMMAND --help shows options and examples; captain --version"]

@@ -1,23 +1,28 @@
-"""Text for people: whatever it names makes no line of its own, and nothing in it is obeyed by a terminal."""
+"""Text of failures: for terminals, without control characters; for programs."""
 
-from board.errors import ConfigurationError, StationError
+from board.runtime.errors import ConfigurationError, StationError
 
-MOST_MISTAKES = 50  # a file of another kind has thousands
+MOST_MISTAKES = 50  # limit of printed mistakes: a file of a wrong kind has thousands
 
 
 def clean(text: str) -> str:
-    """Text of a peer without anything that a terminal would obey."""
+    """Return a text with unprintable characters escaped, because a terminal would execute control characters."""
     return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)
 
 
 def failure(error: StationError) -> str:
-    """An error with its hint. The mistakes of a file have a line each; nothing else makes lines."""
+    """Return the text of an error with its hint. Each mistake in a configuration file has its own line."""
     message = "\n".join(mistakes(error)) if isinstance(error, ConfigurationError) else clean(error.message)
     return f"{message}\n  ({clean(error.hint)})" if error.hint else message
 
 
+def failure_record(error: StationError) -> dict[str, object]:
+    """Return an error for --json: the members `error` and `hint`, both strings."""
+    return {"error": error.message, "hint": error.hint}
+
+
 def mistakes(error: StationError) -> list[str]:
-    """The mistakes of a file, MOST_MISTAKES at most, then the count of the rest."""
+    """Return the mistakes in a file as lines: at most MOST_MISTAKES, then the number of the others."""
     lines = error.message.split("\n")
     more = len(lines) - MOST_MISTAKES
     told = [clean(line) for line in lines[:MOST_MISTAKES]]

@@ -1,4 +1,4 @@
-"""Message types: messageID, name in the envelope, BTP port and what they are worth when not all can leave."""
+"""Message types: messageID, name in the envelope, BTP port, priority, lifetime and traffic class."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -7,14 +7,14 @@ from drivers.message import MessageType
 
 
 class TypeRow(NamedTuple):
-    """One row of the table.
+    """Row of the table of message types.
 
-    number    messageID of the ITS PDU header (TS 102 894-2 v2.4.1, DE MessageId).
-    name      in the envelope.
-    standard  BTP port of TS 103 248; None where the type is not sent.
-    legacy    BTP port of the legacy profile; None where that does not send it.
-    priority  0 leaves first.
-    lifetime  seconds: how long it may wait, and the lifetime in the header of its single hop broadcast.
+    number         messageID of the ITS PDU header (TS 102 894-2 v2.4.1, DE MessageId).
+    name           name in the envelope.
+    standard       BTP port in profile `standard`, by TS 103 248; None: the type is not sent.
+    legacy         BTP port in profile `legacy`, which sends as older boxes do. Both profiles receive at both ports.
+    priority       priority in the queue: 0 leaves first.
+    lifetime       longest time in a queue in seconds, and the lifetime in the header of a single-hop broadcast.
     traffic_class  octet of the GeoNetworking common header; its TC ID is the DCC profile.
     """
 
@@ -27,13 +27,13 @@ class TypeRow(NamedTuple):
     traffic_class: int = 2
 
 
-# BTP ports: ETSI TS 103 248 v2.3.1, table 1, one row of it for each service; the legacy ports and the ids 14
-# and 102 are those of existing vehicleCAPTAIN boxes. Priorities: DENM before infrastructure before awareness.
-# Traffic classes are the DCC profiles of TS 102 724 V1.1.1: DP0 DENM of high priority (its user says so), DP1 DENM,
-# DP2 CAM and what is as frequent, DP3 everything that can wait; ITS-G5 sends them by AC_VO, AC_VI, AC_BE, AC_BK.
-# Lifetimes: CAM by EN 302 637-2 V1.4.1 clause 5.3.4.1, at most 1000 ms. The others are ours, all below the default of
-# 60 s (itsGnDefaultPacketLifetime, EN 302 636-4-1 V1.4.1 Annex H): 1 s for what its sender renews as often as a CAM,
-# 10 s for an event, 5 s for what changes slowly.
+# BTP ports are those of ETSI TS 103 248 v2.3.1, table 1. The legacy ports and the messageIDs 14 and 102 are those of
+# existing vehicleCAPTAIN boxes. Priorities: DENM before messages of the infrastructure before CAM, CPM and VAM.
+# Traffic classes are the DCC profiles of TS 102 724 V1.1.1. DP0 is for a DENM of high priority, which the user sets.
+# DP1 is for other DENMs, DP2 for CAM and equally frequent messages, DP3 for messages that can wait. ITS-G5 sends them
+# by AC_VO, AC_VI, AC_BE and AC_BK. The lifetime of a CAM is at most 1 s by EN 302 637-2 V1.4.1 clause 5.3.4.1. The
+# other lifetimes are our choice: 1 s for messages that are as frequent as CAMs, 10 s for events, 5 s for slow changes.
+# All are below the default of 60 s (itsGnDefaultPacketLifetime, EN 302 636-4-1 V1.4.1 Annex H).
 ROWS = (
     TypeRow(1, "denm", 2002, 2002, priority=0, lifetime=10.0, traffic_class=1),
     TypeRow(2, "cam", 2001, 2001, priority=2),
@@ -57,15 +57,16 @@ ROWS = (
 NAMELESS_IN_LEGACY = frozenset({15, 20})
 LEGACY_VAM = 102
 
-# Each lane is a socket of each interface, and the kernel lets 256 share the frames of a device.
+# Largest number of reception queues of an interface. Each is a socket, and the kernel lets 256 sockets share the frames
+# of a device.
 MAX_LANES = 63
 
 
 class Topics:
-    """The tables of one profile with the user's own rows in front.
+    """Table of message types of a profile, with lookups by messageID and envelope.
 
     profile  "standard" or "legacy".
-    extra    rows that replace those of the same number.
+    extra    rows of the user, which replace rows with the same messageID.
     """
 
     def __init__(self, profile: str = "standard", extra: Iterable[TypeRow] = ()) -> None:
@@ -92,15 +93,18 @@ class Topics:
         self.envelopes = [b"v2x.%s." % kind.name.encode() for kind in self.kinds]
 
     def _speaks_for_its_name(self, kind: MessageType, is_legacy: bool) -> bool:
-        """Two ids are called vam; `v2x.vam.` means the one that the profile sends."""
+        """Return True if the type is the one that its envelope means.
+
+        Two messageIDs have the name vam: `v2x.vam.` means the one that the profile sends.
+        """
         if kind.name != "vam" or kind.number not in (16, LEGACY_VAM):
             return True
         return (kind.number == LEGACY_VAM) is is_legacy
 
     def lanes(self) -> tuple[frozenset[int], ...]:
-        """messageIDs that share a queue at reception: first all of priority 0, then those of each name by priority.
+        """Return the messageIDs of each reception queue: first all of priority 0, then those of each name by priority.
 
-        Types beyond MAX_LANES share the queue of the unknown ones.
+        Types beyond MAX_LANES are left out: they share the queue of unknown types.
         """
         urgent: set[int] = set()
         others: dict[str, set[int]] = {}

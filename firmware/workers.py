@@ -1,56 +1,60 @@
-"""What a child process of this program can be. Each imports what it needs and no more, before it is said to run."""
+"""Workers: registry of the child processes of this program, by name.
+
+Each function imports the code of its process and returns the function that serves it. A process thus imports only its
+own code, before it reports that it runs.
+"""
 
 from collections.abc import Callable, Mapping
 
-from board import echo
-from board.worker import Serve
+from board.runtime import echo
+from board.runtime.worker import Serve
 
 
 def board() -> Serve:
-    """Does for the station what blocks: buses, chips, USB power."""
-    from board.hands import serve
+    """Return the process for blocking calls of the board: buses, chips, USB power."""
+    from board.bus_calls import serve
 
     return serve
 
 
 def simulated_board() -> Serve:
-    """The same, with simulated chips on its buses."""
+    """Return the process for calls of a simulated board, whose buses have simulated chips."""
     from drivers.sim.chips import serve_simulated
 
     return serve_simulated
 
 
 def som301e() -> Serve:
-    """Has the library of the radio."""
-    from drivers.v2xcast import serve
+    """Return the process that runs the vendor's library of the SOM301-E radio."""
+    from drivers.som301e.process import serve
 
     return serve
 
 
 def gnss_bus() -> Serve:
-    """Asks a receiver at an I2C bus."""
-    from drivers.gnss_bus import serve
+    """Return the process that reads a GNSS receiver on an I2C bus."""
+    from drivers.gnss.bus import serve
 
     return serve
 
 
 def mqtt() -> Serve:
-    """Is a broker's client."""
-    from drivers.mqtt_client import serve
+    """Return the process of an MQTT client."""
+    from drivers.mqtt.client.process import serve
 
     return serve
 
 
 def recorder() -> Serve:
-    """Writes recordings."""
+    """Return the process that writes recordings."""
     from firmware.recorder.child import serve
 
     return serve
 
 
 def reload() -> Serve:
-    """Reads captain.toml again."""
-    from firmware.reload_child import serve
+    """Return the process that reads captain.toml again."""
+    from firmware.config.reload_child import serve
 
     return serve
 

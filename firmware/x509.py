@@ -1,28 +1,31 @@
-"""From when until when a certificate holds: as much of X.509 as that takes, from PEM or DER."""
+"""Validity of X.509 certificates, read from PEM or DER."""
 
 import re
 import ssl
 from datetime import UTC, datetime
 from typing import NamedTuple
 
-from board.errors import ProtocolError
+from board.runtime.errors import ProtocolError
 
 BLOCK = re.compile(r"-----BEGIN CERTIFICATE-----.*?-----END CERTIFICATE-----", re.DOTALL)
 
-# Tags of X.690 and RFC 5280, clause 4.1.
+# DER tags by X.690, as RFC 5280, clause 4.1 uses them.
 SEQUENCE, UTC_TIME, GENERALIZED_TIME, VERSION = 0x30, 0x17, 0x18, 0xA0
 FORMATS = {UTC_TIME: "%y%m%d%H%M%SZ", GENERALIZED_TIME: "%Y%m%d%H%M%SZ"}
 
 
 class Validity(NamedTuple):
-    """Of a certificate: notBefore and notAfter."""
+    """Validity of a certificate: notBefore and notAfter."""
 
     begin: datetime
     end: datetime
 
 
 def validities(pem: str) -> list[Validity]:
-    """Of each certificate of a PEM file, in its order. Raises ProtocolError where one is damaged."""
+    """Return the validity of each certificate in the text of a PEM file, in the order of the file.
+
+    Raises ProtocolError if a certificate is damaged.
+    """
     try:
         return [validity(ssl.PEM_cert_to_DER_cert(block)) for block in BLOCK.findall(pem)]
     except ValueError as error:
@@ -30,15 +33,19 @@ def validities(pem: str) -> list[Validity]:
 
 
 def period(found: list[Validity], is_any: bool) -> Validity:
-    """When several hold together: a certificate and what signed it; or any of them, as authorities do."""
+    """Return the common validity of several certificates.
+
+    is_any  True: the period in which any of them may be valid, for authorities. False: the period in which all are
+            valid, for a chain.
+    """
     begins, ends = [one.begin for one in found], [one.end for one in found]
     return Validity(min(begins), max(ends)) if is_any else Validity(max(begins), min(ends))
 
 
 def validity(certificate: bytes) -> Validity:
-    """Of a certificate in DER. Raises ProtocolError.
+    """Return the validity of a certificate in DER. Source: RFC 5280, clauses 4.1 and 4.1.2.5.
 
-    Source: RFC 5280, clauses 4.1 and 4.1.2.5.
+    Raises ProtocolError if it is truncated or not an X.509 certificate.
     """
     _, whole, _ = _take(certificate, SEQUENCE)
     _, rest, _ = _take(whole, SEQUENCE)
@@ -56,11 +63,14 @@ def _moment(name: str, tag: int, text: bytes) -> datetime:
     try:
         return datetime.strptime(text.decode("ascii"), FORMATS[tag]).replace(tzinfo=UTC)
     except (KeyError, ValueError) as error:
-        raise ProtocolError(f"its {name} is no time: {text.hex()}") from error
+        raise ProtocolError(f"its {name}: invalid time: {text.hex()}") from error
 
 
 def _take(octets: bytes, wanted: int | None = None) -> tuple[int, bytes, bytes]:
-    """The tag, the contents and what follows of the first element."""
+    """Return tag and contents of the first DER element, and the octets after it.
+
+    Raises ProtocolError if the element is truncated or does not have the wanted tag.
+    """
     if len(octets) < 2:
         raise ProtocolError("the certificate ends too early")
     tag, size, start = octets[0], octets[1], 2

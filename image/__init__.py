@@ -1,1 +1,1 @@
-"""The card of the box: one reproducible image that boots by itself into a routing station."""
+"""Card of a box: one reproducible image that boots into a routing station."""

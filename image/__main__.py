@@ -6,14 +6,17 @@ import sys
 import time
 from pathlib import Path
 
-from image import build, description, figures, flash, keys, programs, release, step, twice, verify
+from image import description, step
+from image.card import build, figures, flash, keys, release, twice
 from image.errors import ImageError
+from image.program import programs
+from image.verify import card as verify
 
 HINTS = {
     errno.EACCES: "as root, or as who has built it",
     errno.EPERM: "as root, or as who has built it",
     errno.ENOSPC: "make room, or name a folder elsewhere: --to DIR",
-    errno.EIO: "is the disk sound?",
+    errno.EIO: "check the disk",
     errno.EROFS: "name a folder elsewhere: --to DIR",
 }
 
@@ -34,7 +37,7 @@ def main() -> int:
         print(f"image: {error}", file=sys.stderr)
     except OSError as error:
         if error.errno not in HINTS:
-            raise  # a mistake of ours
+            raise  # a bug of this program
         what = f"{error.filename or arguments.to}: {error.strerror}"
         print(f"image: {ImageError(what, HINTS[error.errno])}", file=sys.stderr)
     except KeyboardInterrupt:
@@ -49,7 +52,7 @@ def _parser() -> argparse.ArgumentParser:
         "--description", metavar="FILE", type=Path, default=build.HERE / "image.toml", help="default: image/image.toml"
     )
     parser.add_argument(
-        "--to", metavar="DIR", type=_folder, default=build.BUILT, help="where it works; the card lies beside it"
+        "--to", metavar="DIR", type=_folder, default=build.BUILT, help="build folder; the card is beside it"
     )
     verbs = parser.add_subparsers(dest="verb", required=True)
     making = verbs.add_parser("build", help="make the card, and look it through")
@@ -67,7 +70,7 @@ def _parser() -> argparse.ArgumentParser:
 def _folder(word: str) -> Path:
     try:
         path = Path(word).resolve()
-    except (OSError, RuntimeError) as error:  # RuntimeError: of links that lead to themselves, before Python 3.13
+    except (OSError, RuntimeError) as error:  # RuntimeError: a loop of links, before Python 3.13
         raise argparse.ArgumentTypeError(f"{word}: cannot be followed: {error}") from error
     if path.is_symlink():
         raise argparse.ArgumentTypeError(f"{word}: cannot be followed: Symlink loop")
@@ -131,18 +134,18 @@ def _flash(arguments: argparse.Namespace, described: description.Description) ->
     return 0
 
 
-def _tell(folder: Path, described: description.Description, card: build.Card, took_in_all_s: float) -> None:
+def _tell(folder: Path, described: description.Description, card: build.CardBuild, took_in_all_s: float) -> None:
     print(*figures.times(card.took, took_in_all_s), *figures.sizes(described, folder, card), sep="\n")
     print(card.image)
 
 
-def _verified(described: description.Description, folder: Path, card: build.Card, signer: keys.Keys) -> int:
-    looked = verify.Card(described, card.image, folder, keys.secret(signer), card)
-    rows: list[verify.Row] = []
+def _verified(described: description.Description, folder: Path, card: build.CardBuild, signer: keys.Keys) -> int:
+    looked = verify.FinishedCard(described, card.image, folder, keys.secret(signer), card)
+    rows: list[verify.Check] = []
     try:
         rows.extend(looked.rows())
-    except ImageError as error:  # what was found before is told all the same
-        rows.append(verify.Row("the rest of it", str(error)))
+    except ImageError as error:  # the checks before it are reported as well
+        rows.append(verify.Check("the rest of it", str(error)))
     failed = [row for row in rows if row.trouble]
     for row in failed:
         print(row, file=sys.stderr)

@@ -1,18 +1,18 @@
-# U-Boot's script, the same on a Raspberry Pi and in QEMU's virt: takes a slot that has tries left, counts the try down
-# in the state partition, and starts its kernel. A station that is well puts the counter back; one that never gets well
-# uses its tries up, and the other slot is taken. BOOT_NEW names a slot that was updated and has not been well yet,
-# BOOT_AGAIN one that has used its tries up and was given one more: they are kept here for who judges that.
+# U-Boot's script, the same on a Raspberry Pi and in QEMU's virt. It selects a slot with tries left, decrements its
+# tries in the state partition, and starts its kernel. A healthy station restores the tries; a slot that never gets
+# healthy uses them up, and the other slot starts. This script keeps two variables for the judge: BOOT_NEW names a slot
+# on trial, and BOOT_AGAIN names a slot that had used up its tries and got one more.
 #
-# The state: two copies of 4 KiB, 4 MiB apart, as libubootenv keeps a redundant environment: CRC-32 in 4 octets, a
-# counter in one, the text. U-Boot's own functions know it without the counter: the CRC is shifted by an octet for them.
-# The copy that is not in use is written; all of it fits a sector, so that a cut leaves the old copy or the new one.
+# The state: two copies of 4 KiB, 4 MiB apart, in libubootenv's format of a redundant environment: CRC-32 in 4 octets, a
+# counter in one octet, the text. U-Boot's own functions expect no counter, so the CRC is moved by one octet for them.
+# Only the older copy is written. Its content fits a sector, so a power cut leaves the old copy or the new one.
 #
-# Of this shell: '...' within "..." is no quoting; setexpr gives hexadecimal numbers without 0x.
+# Notes on this shell: '...' within "..." does not quote; setexpr returns hexadecimal numbers without 0x.
 
 if test "${board}" = "qemu-arm"; then
   setenv console "console=ttyAMA0"
 else
-  # Not the built-in addresses: a Pi 3's device tree lies at 0x08000000, in the way of the kernel.
+  # The built-in addresses are not used, because a Pi 3's device tree at 0x08000000 would overlap the kernel.
   setenv kernel_addr_r 0x0a000000
   setenv ramdisk_addr_r 0x10000000
   setenv console "console=tty0 console=@CONSOLE@"
@@ -21,7 +21,7 @@ setenv text_size 0xfff
 setenv blocks 8
 setenv apart 0x2000
 
-# In memory: copy 1, copy 2, and a place to work; of each the text, and the counter.
+# Memory: copy 1, copy 2, and a work area; for each, the addresses of text and counter.
 setenv a ${ramdisk_addr_r}
 setexpr b ${a} + 0x10000
 setexpr work ${a} + 0x20000
@@ -51,7 +51,7 @@ cp.b ${b} ${work} 4
 cp.b ${work} ${b_text} 4
 if env import -c ${b_text} ${text_size} BOOT_ORDER; then setenv b_good 1; fi
 
-# The newer one: the counter goes up, and from ff to 0. Source: libubootenv, uboot_env.c, libuboot_load.
+# Select the newer copy: the counter increases, and wraps from ff to 0. Source: libubootenv, uboot_env.c, libuboot_load.
 setenv use none
 if test ${a_good} = 1; then
   if test ${b_good} = 1; then
@@ -109,7 +109,7 @@ for slot in ${BOOT_ORDER}; do
     echo "slots: ${slot} did not load"
   fi
 done
-# One that was updated and did not get well, or is not written whole, gets none: it would be the first again.
+# A slot that failed its trial, or is incomplete, gets no tries; otherwise it would start first again.
 echo "slots: none is left: all tries again"
 if test "${BOOT_NEW}" != "A"; then setenv BOOT_A_LEFT 3; fi
 if test "${BOOT_NEW}" != "B"; then setenv BOOT_B_LEFT 3; fi

@@ -1,4 +1,4 @@
-"""SHA-256 of files, in the form that sha256sum writes and checks."""
+"""SHA-256 checksums of files, in the format of sha256sum."""
 
 import hashlib
 from collections.abc import Iterable
@@ -11,5 +11,5 @@ def sha256(path: Path) -> str:
 
 
 def sums(paths: Iterable[Path]) -> str:
-    """A line for each, with the name alone: they lie in one folder."""
+    """Return a line per file, with the name only, because the files lie in one folder."""
     return "".join(f"{sha256(path)}  {path.name}\n" for path in paths)

@@ -1,4 +1,4 @@
-"""image.toml: what the card is made of. Every mistake in it is told with its place, its value and a remedy."""
+"""Description of the card, read from image.toml; reports mistakes with place and remedy."""
 
 import json
 from collections.abc import Iterator
@@ -7,15 +7,18 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Literal
 
-from image import reading, state, values
+from board.runtime import boot_counters, describe
+from board.runtime.errors import ConfigurationError
+from board.runtime.toml import show
+from image import values
 from image.errors import ImageError
-from image.reading import show
 
-# Of ours on the boot partition, whose names no other file there may have; a FAT takes A for a.
+# Our own files on the boot partition; no other file may have these names, also not in another case, because FAT ignores
+# it.
 ON_BOOT = ("u-boot.bin", "boot.scr", "config.txt", "README.txt", "overlays")
 PARTITIONS = {"boot": "fat", "root-a": "root", "root-b": "root", "state": "raw", "data": "data"}
 NUMBERS = [1, 2, 3, 5, 6]
-# MiB that a partition of a kind has at least, and for what.
+# Least size of a partition in MiB by its kind, and the reason.
 LEAST = {
     "fat": (33, "a FAT32 has 65525 clusters of 512 octets and more"),
     "root": (512, "Debian's userland, kernel and captain take 350 MB, and a later version may take more"),
@@ -26,7 +29,7 @@ LEAST = {
 
 @dataclass(frozen=True)
 class Beside:
-    """[[base.beside]]: one more archive. site: its URL; keyring: path of the keys that its lists are signed with."""
+    """[[base.beside]]: an additional archive. site: its URL; keyring: path of the keys that sign its lists."""
 
     site: values.Site
     suite: values.Suite
@@ -36,9 +39,9 @@ class Beside:
 
 @dataclass(frozen=True)
 class Base:
-    """[base]: the distribution. keyring: path of the keys that its lists are signed with.
+    """[base]: the distribution. keyring: path of the keys that sign its lists.
 
-    mends  what the suite's name is followed by where its mends are: -security; the same keys and components.
+    mends  suffixes of the suite's update archives, such as -security; they have the same keys and components.
     """
 
     suite: values.Suite
@@ -51,7 +54,7 @@ class Base:
 
 @dataclass(frozen=True)
 class Kernel:
-    """[kernel]: modules are those of the early boot; command_line is added to what the boot script says."""
+    """[kernel]: modules are those of the early boot; command_line is added to that of the boot script."""
 
     package: values.Package
     modules: values.Modules
@@ -60,7 +63,7 @@ class Kernel:
 
 @dataclass(frozen=True)
 class Firmware:
-    """[firmware]: files of a folder of the package, which go to the boot partition."""
+    """[firmware]: files in a folder of the package that are copied to the boot partition."""
 
     package: values.Package
     folder: values.Path
@@ -77,7 +80,7 @@ class Loader:
 
 @dataclass(frozen=True)
 class DeviceTree:
-    """[device_tree]: how the board's needs get into the tree: by dtc when the image is built, or by the firmware."""
+    """[device_tree]: additions for the board, by dtc during the build, or by overlays that the firmware loads."""
 
     way: Literal["dtc", "overlays"]
     folder: values.Path
@@ -90,7 +93,7 @@ class DeviceTree:
 
 @dataclass(frozen=True)
 class Console:
-    """[console]: the serial port that a person is shown the station at."""
+    """[console]: the serial port that shows the station's status."""
 
     device: values.Tty
     baud: values.Baud
@@ -109,14 +112,14 @@ class Partition:
 
 @dataclass(frozen=True)
 class Disk:
-    """[disk]: the whole card, with a table of the kind that the Pi's boot ROM reads."""
+    """[disk]: the whole card, with a partition table of the kind that the Pi's boot ROM reads."""
 
     label_id: values.LabelId
     size_mib: values.Mib
     partitions: tuple[Partition, ...]
 
     def partition(self, name: str) -> Partition:
-        """Raises KeyError."""
+        """Return a partition by its name. Raises KeyError for an unknown name."""
         return {partition.name: partition for partition in self.partitions}[name]
 
     def partuuid(self, name: str) -> str:
@@ -125,7 +128,7 @@ class Disk:
 
 @dataclass(frozen=True)
 class Packages:
-    """[packages.*]: name = reason."""
+    """[packages.*]: reasons by name of the package."""
 
     install: values.Packages
     unpack: values.Packages
@@ -134,7 +137,7 @@ class Packages:
 
 @dataclass(frozen=True)
 class Release:
-    """[release]: programs for other machines. suite: oldest Debian they run on; packages: what freezes them there."""
+    """[release]: programs for other machines. suite: oldest Debian on which they run; packages: used to freeze them."""
 
     suite: values.Suite
     packages: values.Packages
@@ -142,7 +145,7 @@ class Release:
 
 @dataclass(frozen=True)
 class Description:
-    """The whole of image.toml."""
+    """Complete content of image.toml."""
 
     name: values.Name
     base: Base
@@ -157,31 +160,34 @@ class Description:
 
     @property
     def released(self) -> Base:
-        """Archive of the release's suite: that of [base], without those beside it, which are of the card's suite."""
+        """Archive of the release's suite: [base] without its additional archives, which are of the card's suite."""
         return replace(self.base, suite=self.release.suite, beside=())
 
     @property
     def compatible(self) -> str:
-        """What a box and an update have to agree in.
+        """Compatibility string, which must be equal in a box and an update.
 
-        The last word is of what no update writes, and a slot needs: what the device trees are made of, which lie on the
-        boot partition, where the partitions are found, and which words of the counters the boot script there keeps.
+        Its last word is a hash of parts that no update writes and a slot needs: the sources of the device trees on the
+        boot partition, the places of the partitions, and the boot script's variables.
         """
         places = {one.name: self.disk.partuuid(one.name) for one in self.disk.partitions}
-        beside = json.dumps([self.kernel.package, asdict(self.device_tree), places, state.WORDS])
+        beside = json.dumps([self.kernel.package, asdict(self.device_tree), places, boot_counters.WORDS])
         return f"{self.name} {self.base.suite} {self.device_tree.board} {sha256(beside.encode()).hexdigest()[:8]}"
 
 
 def read(path: Path) -> Description:
-    """The description in a file. Raises ImageError with a line for each mistake."""
-    found = reading.read(Description, path)
+    """Read the description in a file. Raises ImageError with a line per mistake."""
+    try:
+        found = describe.read(Description, describe.load(path), str(path))
+    except ConfigurationError as error:
+        raise ImageError(error.message, error.hint) from error
     if mistakes := [f"{path}: {mistake}" for mistake in _mistakes(found)]:
         raise ImageError("\n".join(mistakes))
     return found
 
 
 def _mistakes(found: Description) -> Iterator[str]:
-    """What each value by itself cannot show."""
+    """Yield mistakes in relations between values."""
     yield from _of_disk(found.disk)
     yield from _of_partitions(found.disk)
     twice = found.packages.install.keys() & found.packages.unpack.keys()
@@ -195,11 +201,11 @@ def _mistakes(found: Description) -> Iterator[str]:
 
 def _of_disk(disk: Disk) -> Iterator[str]:
     used = sum(partition.size_mib for partition in disk.partitions)
-    room = disk.size_mib - 8  # the table, the logical partitions' own, and the steps of 4 MiB between
+    room = disk.size_mib - 8  # 8 MiB for the tables of disk and logical partitions, and steps of 4 MiB
     if used > room:
         yield f"disk.size_mib: {disk.size_mib}: the partitions take {used} of {room} MiB; make one smaller"
     if disk.size_mib & (disk.size_mib - 1):
-        yield f"disk.size_mib: {disk.size_mib} is no power of two; an emulated card has to be one"
+        yield f"disk.size_mib: {disk.size_mib} is not a power of two; an emulated card needs one"
 
 
 def _of_partitions(disk: Disk) -> Iterator[str]:

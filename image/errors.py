@@ -1,8 +1,7 @@
-"""What a person can mend: said in words, without a traceback."""
+"""Errors that a person can fix: a message and a remedy, without traceback."""
+
+from board.runtime.errors import StationError
 
 
-class ImageError(Exception):
-    """what is wrong, where and with which value; hint: what to do about it."""
-
-    def __init__(self, what: str, hint: str = "") -> None:
-        super().__init__(f"{what}\n  ({hint})" if hint else what)
+class ImageError(StationError):
+    """The card or a program cannot be built, read, checked or written."""

@@ -1,4 +1,4 @@
-"""Debian packages for the image: fetched once by an apt with a state of its own, listed with their hashes, and kept."""
+"""Debian packages for the image: fetched by a separate apt, listed, and kept."""
 
 import json
 import re
@@ -10,7 +10,7 @@ from typing import NamedTuple
 from image import checksum
 from image.description import Base
 from image.errors import ImageError
-from image.program import run
+from image.tool import run
 
 LIST = "packages.json"
 
@@ -25,7 +25,7 @@ APT::Install-Recommends "false"; Acquire::Languages "none"; Debug::NoLocking "tr
 
 
 class Package(NamedTuple):
-    """A package file. file: its name in the folder of the archive."""
+    """Package file. file: its name in the folder of the archive."""
 
     name: str
     version: str
@@ -35,10 +35,10 @@ class Package(NamedTuple):
 
 
 class Archive:
-    """Packages of a release and a processor that need not be the build machine's.
+    """Packages of a Debian release for one architecture, which may differ from the build machine's.
 
-    They come from where the build machine has its own, and so do mends: no host is named. Beside it, from where the
-    description says.
+    Packages and updates come from the archives that the build machine's apt uses, so no host is named here. Additional
+    archives come from the sites in the description.
     """
 
     def __init__(self, folder: Path, base: Base, architecture: str = "") -> None:
@@ -47,13 +47,13 @@ class Archive:
         self._architecture = architecture or base.architecture
 
     def update(self) -> None:
-        """Fetch the lists of packages. Raises ImageError."""
+        """Fetch the lists of packages. Raises ImageError if apt has no list of this release."""
         for name in ("lists/partial", "archives/partial", "none/partial"):
             (self._folder / name).mkdir(parents=True, exist_ok=True)
         (self._folder / "status").touch()
         sites = _sites()
         for mends in self._base.mends:
-            if mends not in sites and self._architecture == self._base.architecture:  # once of a build
+            if mends not in sites and self._architecture == self._base.architecture:  # reported once per build
                 what = f"no updates for {self._base.suite}"
                 print(f"image: this machine's apt has no archive {mends}: {what}", file=sys.stderr)
         (self._folder / "sources.list").write_text(sources(self._base, sites))
@@ -61,19 +61,25 @@ class Archive:
         self._apt("apt-get", "-qq", "update")
 
     def closed(self, names: Iterable[str]) -> list[Package]:
-        """These packages with all that they depend on; a name may be a pattern of apt: ?essential."""
-        # Where nothing is: what is in its folder of archives already, apt would not name.
+        """Fetch packages with all their dependencies; a name may be a pattern of apt: ?essential.
+
+        Raises ImageError if apt's list has no SHA-256 of a package, or another one.
+        """
+        # An empty folder, because apt would not list packages that are in its folder of archives already.
         elsewhere = f"Dir::Cache::archives={self._folder}/none"
         return self._fetched(
             self._apt("apt-get", "-qq", "-y", "-o", elsewhere, "--print-uris", "install", *sorted(names))
         )
 
     def alone(self, names: Iterable[str]) -> list[Package]:
-        """These packages without what they depend on."""
+        """Fetch packages without their dependencies.
+
+        Raises ImageError if apt's list has no SHA-256 of a package, or another one.
+        """
         return self._fetched(self._apt("apt-get", "-qq", "--print-uris", "download", *sorted(names)))
 
     def behind(self, name: str) -> str:
-        """The kernel that a name without a content of its own stands for: linux-image-arm64 -> linux-image-6.12..."""
+        """Return the kernel that a metapackage depends on: linux-image-6.12... for linux-image-arm64."""
         depends = re.findall(r"^ *Depends: (\S+)", self._apt("apt-cache", "depends", name), re.MULTILINE)
         return next((each for each in depends if re.match(r"linux-image-\d", each)), name)
 
@@ -87,7 +93,7 @@ class Archive:
         ]
         if missing:
             self._apt("apt-get", "-qq", "download", *missing, folder=files)
-        # What was kept is compared as well: a part of a file, or one that was put there, is not what is signed.
+        # Kept files are verified too, because they may be truncated or foreign.
         listed = [_package(files / f"{'_'.join(parts)}.deb") for parts in wanted]
         for package, sha256 in zip(listed, hashes, strict=True):
             if not sha256:
@@ -97,14 +103,14 @@ class Archive:
         return sorted(listed)
 
     def _apt(self, *words: str, folder: Path | None = None) -> str:
-        words = (words[0], "-o", "Acquire::ForceHash=SHA256", *words[1:])  # else it names MD5 where it installs
+        words = (words[0], "-o", "Acquire::ForceHash=SHA256", *words[1:])  # else `install` prints MD5
         return run(words, folder=folder, environment={"APT_CONFIG": str(self._folder / "conf")})
 
 
 def sources(base: Base, sites: Mapping[str, str]) -> str:
-    """apt's list of a base. Raises ImageError where keys are missing.
+    """Return apt's list of sources for a base. Raises ImageError if keys are missing.
 
-    sites  by what follows the name of a suite: "" is that of the suite itself.
+    sites  URL by suffix of the suite; "" is the suite itself.
     """
     keys, components = _keys("base", base.keyring), " ".join(base.components)
     lines = [
@@ -120,12 +126,12 @@ def sources(base: Base, sites: Mapping[str, str]) -> str:
 
 def _keys(table: str, path: str) -> str:
     if not Path(path).exists():
-        raise ImageError(f"{table}.keyring: {path}: there is no such file", "`.ci/setup image` installs Debian's")
+        raise ImageError(f"{table}.keyring: {path}: not found", "`.ci/setup image` installs Debian's")
     return path
 
 
 def paths(folder: Path, packages: Iterable[Package]) -> list[Path]:
-    """Their files, each the one that was listed. Raises ImageError."""
+    """Return the paths of listed packages, after verification. Raises ImageError if one is absent or different."""
     found = []
     for package in packages:
         path = folder / package.file
@@ -138,7 +144,7 @@ def paths(folder: Path, packages: Iterable[Package]) -> list[Path]:
 
 
 def native_architecture() -> str:
-    """This machine's, as Debian calls it: amd64."""
+    """Return this machine's architecture by Debian's name: amd64."""
     return run(["dpkg", "--print-architecture"]).strip()
 
 
@@ -147,15 +153,15 @@ def write_list(path: Path, packages: Sequence[Package]) -> None:
 
 
 def read_list(path: Path) -> list[Package]:
-    """Raises ImageError and OSError."""
+    """Read a list of packages. Raises ImageError if it is invalid, OSError if it cannot be read."""
     try:
         return [Package(**row) for row in json.loads(path.read_text())]
     except (TypeError, ValueError) as error:
-        raise ImageError(f"{path}: is no list of packages: {error}", "python -m image build --upgrade") from error
+        raise ImageError(f"{path}: not a list of packages: {error}", "python -m image build --upgrade") from error
 
 
 def write_index(folder: Path, packages: Iterable[Package]) -> None:
-    """Packages, beside the files: with it their folder is a repository for apt, and nothing else is in it."""
+    """Write the file `Packages`, which makes the folder a repository for apt with exactly these packages."""
     entries = []
     for package in packages:
         path = folder / package.file
@@ -172,7 +178,7 @@ def _package(path: Path) -> Package:
 
 
 def _sites() -> dict[str, str]:
-    """Where this machine's own packages are from, by what follows its release's name. Raises ImageError."""
+    """Return this machine's archives by suffix of the suite. Raises ImageError if apt has no lists."""
     release = re.search(r"^VERSION_CODENAME=(\S+)", Path("/etc/os-release").read_text(), re.MULTILINE)
     own = release[1] if release else ""
     lines = run(["apt-get", "indextargets", "--format", "$(SITE) $(CODENAME)", "Created-By: Packages"]).splitlines()

@@ -1,27 +1,30 @@
-"""What the project says of itself, for the card: its version, its date, and what its own code writes for chrony."""
+"""Facts of the project for the card: version, date, chrony's configuration."""
 
 import os
 import re
 from pathlib import Path
 
 from image.errors import ImageError
-from image.program import run
+from image.tool import run
 
 PROJECT = Path(__file__).resolve().parent.parent
-# 2106-02-07: times in squashfs, which the update is, and in cpio, which the early boot is, have 32 bits.
+# 2106-02-07: last time in squashfs, the update's format, and cpio, the early boot's; both have 32 bits.
 LATEST = 0xFFFFFFFF
 
-_CHRONY = "from pps import chrony_configuration as c; print(c.configuration(), c.access('captain'), sep='\\0')"
+_CHRONY = "from pps.chrony import configuration as c; print(c.configuration(), c.access('captain'), sep='\\0')"
 
 
 def epoch() -> int:
-    """The date of the build: SOURCE_DATE_EPOCH, or that of the last commit. Unix seconds. Raises ImageError."""
+    """Return the date of the build: SOURCE_DATE_EPOCH, or that of the last commit. Unix seconds.
+
+    Raises ImageError if SOURCE_DATE_EPOCH is invalid, or absent outside a git tree.
+    """
     if given := os.environ.get("SOURCE_DATE_EPOCH", ""):
         return _seconds(given)
     try:
         return int(run(["git", "log", "-1", "--format=%ct"], folder=PROJECT))
     except (ImageError, ValueError) as error:
-        raise ImageError("the date of the build is not known: this is no git tree", "set SOURCE_DATE_EPOCH") from error
+        raise ImageError("date of the build unknown: not a git tree", "set SOURCE_DATE_EPOCH") from error
 
 
 def _seconds(given: str) -> int:
@@ -32,7 +35,7 @@ def _seconds(given: str) -> int:
 
 
 def version() -> str:
-    """Raises ImageError."""
+    """Return VERSION of firmware. Raises ImageError if it is absent."""
     found = re.search(r'^VERSION = "([^"]+)"', (PROJECT / "firmware/__init__.py").read_text(), re.MULTILINE)
     if not found:
         raise ImageError("firmware/__init__.py: has no VERSION")
@@ -40,7 +43,7 @@ def version() -> str:
 
 
 def chrony(python: Path) -> dict[str, str]:
-    """chrony's files by their place: the station's own code writes them, and nothing of it is imported here."""
+    """Return chrony's files by path. The station's code generates them in a process of its own; it is not imported."""
     whole, _, access = run([python, "-c", _CHRONY], folder=PROJECT).partition("\0")
     return {
         "etc/chrony/chrony.conf": whole,

@@ -1,4 +1,4 @@
-"""Steps of a build whose result is kept for as long as what they are made from stays the same."""
+"""Build steps with cached results, kept until their inputs change."""
 
 import fcntl
 import hashlib
@@ -16,7 +16,7 @@ LOCK = "lock"
 
 
 class Steps:
-    """A folder of results. took: seconds by step, for those that were made this time. Raises ImageError."""
+    """Folder of results. took: seconds by step that was executed. Raises ImageError if the folder is not writable."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder.resolve()
@@ -26,7 +26,7 @@ class Steps:
         except OSError as error:
             what = f"{self.folder}: nothing can be built in it: {error.strerror}"
             raise ImageError(what, "--to names a folder that you may write to") from error
-        fcntl.flock(self._lock, fcntl.LOCK_EX)  # for as long as this lives: a second build in the folder waits
+        fcntl.flock(self._lock, fcntl.LOCK_EX)  # held until close(): a second build in the folder waits
         self.took: dict[str, float] = {}
 
     def close(self) -> None:
@@ -35,10 +35,10 @@ class Steps:
     def made(
         self, name: str, inputs: Iterable[str | Path], make: Callable[[Path], object], forced: bool = False
     ) -> Path:
-        """The folder of a step's result.
+        """Return the folder of a step's result; execute the step if its inputs have changed.
 
-        inputs  words and files that it depends on: other ones, or another content, and it is made again.
-        make    called with an empty folder; one that raises leaves the old result unused.
+        inputs  words and files that the result depends on.
+        make    makes the result in an empty folder; after an exception, the step counts as not executed.
         """
         place = self.folder / name
         stamp = place / STAMP
@@ -57,7 +57,7 @@ class Steps:
 
 @contextmanager
 def at_rest(folder: Path) -> Iterator[None]:
-    """While nobody builds in a folder, to read in it; where nobody ever did, nothing is made."""
+    """Keep builds in a folder from running, so that it can be read. A folder without any build is not touched."""
     lock = folder / LOCK
     if not lock.exists():
         yield
@@ -68,7 +68,7 @@ def at_rest(folder: Path) -> Iterator[None]:
 
 
 def key(step: Path) -> str:
-    """What a step's result was made from, as an input of the next one."""
+    """Return the digest of a step's inputs, as an input of the next step."""
     return (step / STAMP).read_text()
 
 

@@ -1,51 +1,66 @@
-"""What a value of image.toml may be: kinds of words and numbers, each with what is said of one that it is not."""
+"""Value types of image.toml: words and numbers, each with its error."""
 
 import re
-from typing import Annotated, Any, Literal
+from collections.abc import Sequence
+from typing import Annotated, Literal
 
-from image.reading import Check, show, within
+from board.runtime.describe import Check, Range
+from board.runtime.errors import ConfigurationError
+from board.runtime.toml import show
 
-# A look reads all of an image, and the data partition grows to its card: an image needs no more.
+# Largest image in MiB: verification reads all of it, and the data partition grows on the card anyway.
 LARGEST_MIB = 32 * 1024
-# A part of a path: neither empty nor . or ..
+# Part of a path: not empty, and neither . nor ..
 _PART = r"(?!\.{1,2}(?:/|\Z))[\w.+~@-]+"
 
 
 def _form(pattern: str, what: str, remedy: str) -> Check:
-    """A word that is all of this form."""
+    """Return a check that a whole word matches a pattern."""
     form = re.compile(pattern, re.ASCII)
-    return Check(lambda word: "" if form.fullmatch(word) else f"{show(word)} is no {what}; {remedy}")
+
+    def look(word: str) -> None:
+        if not form.fullmatch(word):
+            raise ConfigurationError(f"{show(word)} is an invalid {what}", remedy)
+
+    return Check(look)
 
 
-def _each_once(values: tuple[Any, ...]) -> str:
-    twice = [value for value in values if values.count(value) > 1]
-    return f"{show(twice[0])} is there twice; name it once" if twice else ""
+def _each_once(values: Sequence[object]) -> None:
+    if twice := [value for value in values if values.count(value) > 1]:
+        raise ConfigurationError(f"{show(twice[0])} is there twice", "name it once")
 
 
-def _reason(word: str) -> str:
+def _one_at_least(values: Sequence[object]) -> None:
+    if not values:
+        raise ConfigurationError("is empty", "name one at least")
+
+
+def _reason(word: str) -> None:
     if not word.strip():
-        return "has no reason; say what it is for, or leave it out"
-    return "" if word.isprintable() else f"{show(word)} has control characters; give a line of text"
+        raise ConfigurationError("has no reason", "say what it is for, or leave it out")
+    if not word.isprintable():
+        raise ConfigurationError(f"{show(word)} has control characters", "give a line of text")
 
 
-def _names(packages: dict[str, str]) -> str:
-    return next(filter(None, map(_PACKAGE.look, packages)), "")
+def _names(packages: dict[str, str]) -> None:
+    for name in packages:
+        _PACKAGE.look(name)
 
 
-# Source: Debian Policy 5.6.7. A last - or + is a verb of apt's, but for names such as g++.
+# Source: Debian Policy 5.6.7. apt reads a final - or + as a command, except in names such as g++.
 _PACKAGE = _form(
     r"[a-z0-9][a-z0-9+.-]*[a-z0-9+]", "package's name", "give one as apt has it: lower-case letters, digits, + - ."
 )
 _EACH_ONCE = Check(_each_once)
-_ONE_AT_LEAST = Check(lambda values: "" if values else "is empty; name one at least")
+_ONE_AT_LEAST = Check(_one_at_least)
 
-# The box's host name, and the first part of files' names. Source: RFC 1123, 2.1.
+# Host name of the box, and beginning of the files' names. Source: RFC 1123, 2.1.
 Name = Annotated[
     str, _form("[a-z]([a-z0-9-]{0,61}[a-z0-9])?", "host name", "give lower-case letters, digits and -, as captain")
 ]
 Package = Annotated[str, _PACKAGE]
 Packages = Annotated[dict[str, Annotated[str, Check(_reason)]], Check(_names)]
-# Words of a line of apt's sources.list.
+# Words in a line of apt's sources.list.
 Suite = Annotated[str, _form("[a-z][a-z0-9.-]*(/[a-z0-9.-]+)?", "suite", "give one as trixie")]
 Mends = Annotated[
     tuple[Annotated[str, _form("-[a-z0-9-]*[a-z0-9]", "end of a suite's name", "give one as -security")], ...],
@@ -66,8 +81,8 @@ Modules = Annotated[
     ],
     _EACH_ONCE,
 ]
-# Within "..." of U-Boot's script, which has replaced words like @THIS@ before. arm64's kernel takes 2048 octets, among
-# which are those of the script and of the box's owner.
+# Text between quotes in U-Boot's script, in which placeholders like @THIS@ were replaced before. The kernel of arm64
+# accepts 2048 octets, which include the words of the script and of the box's owner.
 CommandLine = Annotated[
     str,
     _form(
@@ -88,12 +103,12 @@ Trees = Annotated[
     _ONE_AT_LEAST,
 ]
 Board = Annotated[str, _form(r"\w[\w-]*", "board's name", "give one of board/boards, without .toml")]
-Gpio = Annotated[int, within(0, 27)]
-# Source: BCM2711 ARM Peripherals, 2022-01-18, 5.3: blocks that have pins at the header.
+Gpio = Annotated[int, Range(0, 27)]
+# Source: BCM2711 ARM Peripherals, 2022-01-18, 5.3: blocks with pins on the header.
 I2c = Annotated[tuple[Literal[1, 3, 4, 5, 6], ...], _EACH_ONCE]
 Uarts = Annotated[tuple[Literal[2, 3, 4, 5], ...], _EACH_ONCE]
 Tty = Annotated[str, _form("tty[A-Z]+[0-9]{1,2}", "serial port's name", "give one as ttyS1, without /dev/")]
-# Source: Linux, asm-generic/termbits.h, as far as a console is of use at them.
+# Source: Linux, asm-generic/termbits.h; the speeds that are useful for a console.
 Baud = Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600]
-Mib = Annotated[int, within(1, LARGEST_MIB)]
-LabelId = Annotated[int, within(1, 0xFFFFFFFF)]
+Mib = Annotated[int, Range(1, LARGEST_MIB)]
+LabelId = Annotated[int, Range(1, 0xFFFFFFFF)]

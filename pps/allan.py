@@ -1,16 +1,17 @@
-"""Allan deviation: how much a clock's frequency changes between neighbouring spans of a length, for all lengths."""
+"""Allan deviation: frequency stability of a clock for each averaging time."""
 
 from collections.abc import Sequence
 from math import sqrt
 
 
 def allan_deviation(phases_ns: Sequence[float], tau0_s: float = 1.0) -> list[tuple[float, float]]:
-    """Overlapping Allan deviation, dimensionless, at tau0_s, 2, 4, 8 ... times it.
+    """Return the overlapping Allan deviation, dimensionless, at 1, 2, 4, 8 ... times tau0_s.
 
-    phases_ns  clock less truth, ns, each tau0_s. A gap has to be filled or cut before.
+    phases_ns  clock minus truth, ns, at intervals of tau0_s. The caller has filled or cut gaps.
 
-    Returns (tau_s, deviation) up to a quarter of the length, so that the last of them rests on more than two spans;
-    nothing for fewer than 5 phases. Source: IEEE 1139-2008, clause A.2 (overlapping estimator); NIST SP 1065, 5.2.4.
+    Returns (tau_s, deviation) up to a quarter of the length, so that the last value rests on more than two spans. The
+    list is empty for fewer than 5 phases. Source: IEEE 1139-2008, clause A.2 (overlapping estimator); NIST SP 1065,
+    5.2.4.
     """
     deviations = []
     spans = 1

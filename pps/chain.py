@@ -1,4 +1,4 @@
-"""Seconds that follow each other by the raw clock: what a pulse's second is held against."""
+"""Counts seconds between pulses by the raw clock."""
 
 from collections import deque
 from itertools import combinations
@@ -7,34 +7,36 @@ from typing import NamedTuple
 
 SECOND_NS = 1_000_000_000
 
-# A crystal without an oven is 50 ppm wrong at most from -40 to 85 degrees, and one of a virtual machine follows that
-# of its host: twice as much, less what is known of its rate, is no crystal.
+# A crystal without an oven is at most 50 ppm wrong from -40 to 85 degrees. The clock of a virtual machine follows that
+# of its host. Twice that drift, after correction by the known rate, cannot come from a crystal.
 DRIFT_PPM = 100
 
-# An interrupt that is later than this is no time of anything; what is later by less is for the estimator to judge.
+# An interrupt later than this cannot mark a second; the estimator judges interrupts that are less late.
 EDGE_NS = 5_000_000
 
-# The drift leaves no doubt which second it is until it may have made up 0.4 s: 4000 s, 67 minutes.
+# The drift cannot confuse seconds before it amounts to 0.4 s: after 4000 s, 67 minutes.
 DOUBT_NS = 400_000_000
 LIFE_NS = DOUBT_NS * 1_000_000 // DRIFT_PPM
 
 _DRIFT_NS = SECOND_NS * DRIFT_PPM // 1_000_000  # per second
-# The edges by which it is told where the next one is to be. Up to half of them may be late: an interrupt that waits is.
+# Number of edges that predict the next one. Up to half of them may be late because their interrupts waited.
 REMEMBERED = 12
-# An edge so much before its place is no pulse, which is never early: what the oscillator turns by meanwhile, per second
-# that it was alone (a change of 10 K makes 3 ppm), and what is left of the jitter of those remembered.
+# Pulses are never early. So of several edges of one second, one that is earlier than a margin is used only if all are.
+# The margin is EARLY_NS, plus TURN_NS per second since the last edge, plus JITTERS times the jitter of the remembered
+# edges; at most UNSURE_NS. A change of 10 K makes 3 ppm.
 EARLY_NS, TURN_NS, JITTERS = 15_000, 5_000, 6
-UNSURE_NS = 500_000  # with fewer than ENOUGH of them
+UNSURE_NS = 500_000  # margin with fewer than ENOUGH remembered edges
 ENOUGH = 4
 
-_LEARNT = 1 / 16  # of what a second shows of the rate: some 16 s of memory, against latencies that differ by some us
+_LEARNT = 1 / 16  # weight of a new rate: averages over about 16 s, because latencies differ by several us
 
 
-class Place(NamedTuple):
-    """Where an edge stands beside a chain.
+class EdgePlace(NamedTuple):
+    """Place of an edge relative to a chain.
 
-    its_s     the second that is nearest to it. error_ns: by how much it comes after that.
-    is_whole  whether that much may be drift and latency.
+    its_s     nearest second.
+    error_ns  lateness of the edge relative to that second.
+    is_whole  the error is small enough to be drift and latency.
     """
 
     its_s: int
@@ -43,13 +45,15 @@ class Place(NamedTuple):
 
 
 class Chain:
-    """Counts seconds from one edge to the next, over as many as are missing between them.
+    """Counts seconds from one edge to the next, also over missing edges.
 
-    Its grid follows the edges by no more than the oscillator can drift: a late interrupt hardly moves it, so that
-    those behind a burst of them are not called early.
+    The grid of seconds follows the edges by at most the possible drift of the oscillator. So a late interrupt hardly
+    moves it, and edges after a burst of late ones do not appear early.
 
-    raw_ns    CLOCK_MONOTONIC_RAW of the grid at its last edge. its_s: the second of that edge.
-    since_ns  of its first edge. count: of its edges.
+    raw_ns    CLOCK_MONOTONIC_RAW of the grid at its last edge.
+    its_s     second of the last edge.
+    since_ns  CLOCK_MONOTONIC_RAW of the first edge.
+    count     number of edges.
     """
 
     __slots__ = ("_edges", "_period_ns", "count", "its_s", "raw_ns", "since_ns")
@@ -61,19 +65,19 @@ class Chain:
         self._period_ns = float(SECOND_NS)
         self._edges = deque([(its_s, raw_ns)], maxlen=REMEMBERED)
 
-    def place(self, raw_ns: int) -> Place:
-        """Where an edge stands."""
+    def place(self, raw_ns: int) -> EdgePlace:
+        """Return the place of an edge."""
         elapsed = raw_ns - self.raw_ns
         seconds = round(elapsed / self._period_ns)
         error = elapsed - round(seconds * self._period_ns)
-        return Place(self.its_s + seconds, error, abs(error) <= EDGE_NS + abs(seconds) * _DRIFT_NS)
+        return EdgePlace(self.its_s + seconds, error, abs(error) <= EDGE_NS + abs(seconds) * _DRIFT_NS)
 
     def is_over(self, raw_ns: int, life_ns: int) -> bool:
-        """Whether an edge is further behind the last than that."""
+        """Return whether an edge comes more than life_ns after the last one."""
         return raw_ns - self.raw_ns > life_ns
 
     def extend(self, raw_ns: int, its_s: int, error_ns: int) -> None:
-        """Count an edge of a later second, as it stands beside the chain."""
+        """Add an edge of a later second, with the place that place() returned."""
         seconds = its_s - self.its_s
         most = seconds * _DRIFT_NS
         drift = max(-most, min(most, error_ns))
@@ -85,9 +89,9 @@ class Chain:
         self._edges.append((its_s, raw_ns))
 
     def expected(self, its_s: int) -> tuple[float, float]:
-        """Where the edge of a second to come is to be by the raw clock, and how much before that no pulse can be.
+        """Predict the edge of a future second: its raw time, and the margin before it in which no pulse can be.
 
-        By the medians of the edges remembered, which late ones do not move (Theil and Sen). 100 us of work.
+        Uses medians of the remembered edges, which late ones do not move (Theil and Sen). Takes 100 us.
         """
         edges = self._edges
         if len(edges) < ENOUGH:

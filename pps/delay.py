@@ -1,15 +1,15 @@
-"""How long a message was under way between two stations, by a stamp of each, and how well that is known."""
+"""One-way delay between two stations, with its uncertainty."""
 
 from typing import NamedTuple
 
-from board.errors import RequestError
-from board.time import TimeQuality
+from board.runtime.errors import RequestError
+from board.time.scales import TimeQuality
 
 
 class Stamp(NamedTuple):
-    """A moment by a station's system clock, with what the station said of that clock then.
+    """Time stamp by a station's system clock, with the quality of that clock at the time.
 
-    It is Unix time: between stamps before and after a leap second lies one second more, or one less.
+    It is Unix time: the difference of stamps before and after a leap second is one second off.
     """
 
     system_ns: int
@@ -17,22 +17,22 @@ class Stamp(NamedTuple):
 
 
 class Delay(NamedTuple):
-    """The truth is within ns +- uncertainty_ns. It may be below zero by as much as it is uncertain."""
+    """Delay in ns; the true delay is within +- uncertainty_ns. It may be negative by as much."""
 
     ns: int
     uncertainty_ns: int
 
 
 def one_way(sent: Stamp, received: Stamp) -> Delay:
-    """The time from one stamp to the other, each put right by the offset that its station knows of.
+    """Return the time between two stamps, each corrected by the known offset of its station's clock.
 
-    The uncertainties are added. The root of the sum of squares would be for errors that are independent and as often
-    this way as that: here most of either is one constant (how late interrupts are on that board, how far its crystal
-    has gone since the last pulse) which the next thousand messages have alike, and two boards of one kind in one tunnel
-    warm up alike. Each bound holds in 99.9 % of cases: their sum holds in 99.8 % whatever the two have in common, and
-    in more where they have not.
+    The uncertainties are added. The root of the sum of squares would require errors that are independent and centred on
+    zero. Here, most of each error is a constant: the lateness of interrupts on that board, and its crystal's drift
+    since the last pulse. The next thousand messages share it. Two boards of one kind in one tunnel also warm up alike.
+    Each bound holds in 99.9 % of cases. Their sum holds in 99.8 % even if the errors are related, and more often if
+    not.
 
-    Raises RequestError where an end does not know how good its clock is.
+    Raises RequestError if the quality of either clock is unknown.
     """
     ns = _true_ns(received, "receiver") - _true_ns(sent, "sender")
     return Delay(ns, (sent.quality.uncertainty_ns or 0) + (received.quality.uncertainty_ns or 0))

@@ -1,8 +1,8 @@
-"""/dev/ppsN: pulses that the kernel stamps.
+"""PPS device /dev/ppsN: waits for pulses in a thread.
 
-poll() is of no use: kernels before 2025 say "ready" always, and later ones share between all readers what was read.
-So a thread sits in PPS_FETCH; after each call it asks once without waiting, for an edge that has come since. One that
-comes in the moment between that and the call that waits is told as missed, with the next.
+poll() does not work: kernels before 2025 always report "ready", and later ones share one read state between readers.
+So a thread waits in PPS_FETCH. After each wait it fetches once more without waiting, for an edge that came since. An
+edge between that fetch and the next wait counts as missed, when the following edge comes.
 """
 
 import errno
@@ -13,38 +13,38 @@ from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
-from board.errors import InterfaceError
-from board.loop import Loop
+from board.runtime.errors import InterfaceError
+from board.runtime.loop import Loop
 from pps.ioctl import CANWAIT, CAPTURES, Edge, Fetched, Ioctl, fetch, modes
 from pps.pulse import OLDEST_NS, REST_S, STORM_NS, Above, Clocks, Pulse, Tally, pulse_at, read_clocks
 
-# In one call: half a second more than between two pulses. A thread outlives stop() for so long at most.
+# Longest wait in one call: half a second more than between two pulses. The thread may outlive stop() by this time.
 WAIT_NS = 1_500_000_000
-DEPTH = 8  # edges that wait for the loop; of more, the newest
+DEPTH = 8  # most edges that wait for the loop; if there are more, the newest are kept
 
 PPS = (
-    "the device tree has to have a pps-gpio: of the box's card by image/image.toml, device_tree.pulse_gpio; on "
-    "Raspberry Pi OS by `dtoverlay=pps-gpio,gpiopin=18` in config.txt"
+    "add pps-gpio to the device tree: for a box's card device_tree.pulse_gpio in image/image.toml; on Raspberry Pi OS "
+    "`dtoverlay=pps-gpio,gpiopin=18` in config.txt"
 )
-PERMISSION = 'a udev rule gives it to a group: SUBSYSTEM=="pps", GROUP="gpio", MODE="0660"'
+PERMISSION = 'add a udev rule: SUBSYSTEM=="pps", GROUP="gpio", MODE="0660"'
 HINTS = {
     errno.ENOENT: PPS,
     errno.ENXIO: PPS,
     errno.ENODEV: PPS,
     errno.EACCES: PERMISSION,
     errno.EPERM: PERMISSION,
-    errno.ENOTTY: "this is no PPS device; `ls /sys/class/pps` lists those that are",
-    errno.EINVAL: "this is no PPS device; `ls /sys/class/pps` lists those that are",
+    errno.ENOTTY: "not a PPS device; see `ls /sys/class/pps`",
+    errno.EINVAL: "not a PPS device; see `ls /sys/class/pps`",
 }
-OTHERWISE = "`dmesg | grep pps` may tell why"
+OTHERWISE = "see `dmesg | grep pps`"
 
 
-class Device:
-    """Pulses of a PPS device, told on the loop.
+class PulseDevice:
+    """Pulses of a PPS device, reported on the loop.
 
     path   /dev/pps0, or a link to it.
-    edge   which of the device's two begins a second.
-    ioctl  what the kernel is asked by.
+    edge   the device's edge that begins a second.
+    ioctl  function for requests to the kernel, as fcntl.ioctl.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class Device:
         self._fetcher: Fetcher | None = None
 
     def start(self) -> None:
-        """Tell pulses above from now on; nothing while started. Raises InterfaceError where they cannot be had."""
+        """Start reporting pulses; without effect if started. Raises InterfaceError if the device cannot be opened."""
         if self._fetcher is not None:
             return
         device = self._open()
@@ -85,7 +85,7 @@ class Device:
         self._loop.add(self)
 
     def stop(self) -> None:
-        """Tell no more, and return at once; idempotent. The thread ends when its call does, unheard."""
+        """Stop reporting and return at once; idempotent. The thread ends after its current call, without a report."""
         if self._fetcher is not None:
             self._fetcher.leave()
             self._fetcher = None
@@ -97,6 +97,10 @@ class Device:
         return self._wake
 
     def ready(self, events: int) -> None:
+        """Take the pulses that the thread has fetched.
+
+        Raises RuntimeError if a bug has ended the thread.
+        """
         fetcher = self._fetcher
         os.eventfd_read(self._wake)
         for _ in range(DEPTH):
@@ -113,11 +117,11 @@ class Device:
             return os.open(self._path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY)
         except OSError as error:
             raise explained(self.where, error) from error
-        except ValueError as error:  # a NUL in it
+        except ValueError as error:  # the path contains a NUL
             raise InterfaceError(f"{self.where!r}: {error}", "see device of [pulse] in the board file") from None
 
     def _look(self, device: int) -> Fetched:
-        """What has come so far, of a device that can do what is asked of it and does it."""
+        """Return the last edges; raise InterfaceError unless the device captures this edge and can wait for it."""
         try:
             can, does = modes(self._ioctl, device)
             last = fetch(self._ioctl, device, 0)
@@ -126,13 +130,13 @@ class Device:
         bit = CAPTURES[self._edge]
         if not can & bit:
             others = " or ".join(edge for edge in CAPTURES if can & CAPTURES[edge])
-            hint = f"take the edge {others}" if others else "the driver behind it stamps nothing"
+            hint = f"use the edge {others}" if others else "its driver stamps no edges"
             raise InterfaceError(f"{self.where}: stamps no {self._edge} edges (capabilities {can:#x})", hint)
         if not can & CANWAIT:
-            hint = "take another driver: pps-gpio and pps-ldisc can"
-            raise InterfaceError(f"{self.where}: nobody can wait for its edges (capabilities {can:#x})", hint)
+            hint = "use another driver: pps-gpio or pps-ldisc"
+            raise InterfaceError(f"{self.where}: it does not support waiting (capabilities {can:#x})", hint)
         if not does & bit:
-            hint = "another program has done so, by PPS_SETPARAMS: end it, and bind the driver again"
+            hint = "another program did so with PPS_SETPARAMS: end it, and bind the driver again"
             raise InterfaceError(f"{self.where}: {self._edge} edges are switched off (mode {does:#x})", hint)
         return last
 
@@ -141,16 +145,16 @@ class Device:
         if isinstance(why, InterfaceError):
             self._above.failed(why)
             return
-        raise RuntimeError(f"{self.where}: its thread has ended") from why
+        raise RuntimeError(f"{self.where}: its thread ended") from why
 
 
 class Fetcher:
-    """The thread's side: what it gets is left in `found`, and an eventfd says so.
+    """Fetches edges in a thread: it appends them to `found` and signals an eventfd.
 
-    The thread owns both descriptors that it is started with, and closes them: nobody else does, so that no number in
-    a call of its own can meanwhile be that of another file.
+    The thread owns and closes both descriptors that start() passes to it. If other code closed them, a descriptor's
+    number could belong to another file during a call of the thread.
 
-    found  edges in their order; last, what ended it: InterfaceError, or a bug.
+    found  edges in their order, and at last the reason of the end: InterfaceError, or the exception of a bug.
     """
 
     def __init__(self, path: Path, edge: Edge, ioctl: Ioctl, clocks: Callable[[], Clocks], last: Fetched) -> None:
@@ -164,11 +168,11 @@ class Fetcher:
         self._leaves = threading.Event()
 
     def start(self, device: int, wake: int) -> None:
-        # A daemon: the end of the program does not wait for the end of its call.
+        # A daemon thread, because the end of the program must not wait for its call.
         threading.Thread(target=self._run, args=(device, wake), name=self._path.name, daemon=True).start()
 
     def leave(self) -> None:
-        """End with the call that it is in."""
+        """End the thread after its current call."""
         self._leaves.set()
 
     def _run(self, device: int, wake: int) -> None:
@@ -201,9 +205,9 @@ class Fetcher:
         return None
 
     def _take(self, fetched: Fetched, now: Clocks, wake: int) -> int:
-        """Leave an edge where it is found; returns how long the next call may wait."""
+        """Append a new edge to `found`; return how long the next call may wait."""
         last, self._last = self._last, fetched
-        if fetched.sequences == last.sequences:  # it did not wait, and there is nothing new
+        if fetched.sequences == last.sequences:  # the call did not wait, and no edge is new
             return WAIT_NS
         sequence = fetched.sequences[self._edge]
         stamp_ns = fetched.stamps_ns[self._edge]
@@ -219,7 +223,7 @@ class Fetcher:
         os.eventfd_write(wake, 1)
 
     def _is_gone(self, device: int) -> bool:
-        """Whether the path leads elsewhere: a driver that is unbound wakes nobody up, its open device is silent."""
+        """Return whether the path leads to another device. An unbound driver wakes no reader and stays silent."""
         try:
             there = os.stat(self._path)
         except OSError:
@@ -228,6 +232,6 @@ class Fetcher:
 
 
 def explained(where: str, error: OSError) -> InterfaceError:
-    """An error of the kernel as ours."""
+    """Return the InterfaceError for an error of the kernel."""
     text = os.strerror(error.errno) if error.errno else str(error)
     return InterfaceError(f"{where}: {text}", HINTS.get(error.errno or 0, OTHERWISE))

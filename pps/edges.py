@@ -1,24 +1,24 @@
-"""Pulses at a GPIO line of which the kernel's pps-gpio knows nothing: the other way, for a line that gpiod can have."""
+"""Pulses on a GPIO line, without the kernel's pps-gpio."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 from board.description import LineDescription
 from board.edges import Edge, EdgeLine, Kind
-from board.errors import InterfaceError
 from board.gpiochip import DEV, place
-from board.loop import READ, Loop, Timer
+from board.runtime.errors import InterfaceError
+from board.runtime.loop import READ, Loop, Timer
 from pps.pulse import OLDEST_NS, REST_S, STORM_NS, Above, Clocks, Pulse, Tally, read_clocks
 
-# A chip that is unplugged wakes nobody up: it is looked at when so long no edge has come.
+# The removal of a chip causes no event. So the chip is checked if no edge has come for this time.
 SILENT_S = 2.0
 
 
 class Edges:
-    """Pulses of a GPIO line, told on the loop; their sequence begins again with each start().
+    """Pulses of a GPIO line, reported on the loop; their sequence begins again with each start().
 
-    line  as a board file describes one: chip and offset, or name.
-    kind  of the voltage's edge that begins a second.
+    line  line as in a board file: chip and offset, or name.
+    kind  edge of the voltage that begins a second.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class Edges:
         self._newest_ns: int | None = None
 
     def start(self) -> None:
-        """Tell pulses above from now on; nothing while started. Raises InterfaceError where they cannot be had."""
+        """Start reporting pulses; without effect if started. Raises InterfaceError if the line cannot be opened."""
         if self._line is None:
             self._line = EdgeLine(self._description, self._kind, self._dev)
             self._newest_ns = None
@@ -52,7 +52,7 @@ class Edges:
             self._listen()
 
     def stop(self) -> None:
-        """Tell no more, and return at once; idempotent."""
+        """Stop reporting, and return at once; idempotent."""
         if self._line is not None:
             self._loop.remove(self)
             self._line.close()
@@ -84,7 +84,7 @@ class Edges:
             if ago_ns <= OLDEST_NS:
                 stamp = (now.system_ns - ago_ns, now.raw_ns - ago_ns, edge.monotonic_ns / 1e9)
                 self.tally.take(Pulse(edge.sequence, *stamp))
-        if line is not self._line:  # whoever heard of them has stopped it
+        if line is not self._line:  # a receiver of the pulses has called stop()
             return
         if len(edges) > 1 or (newest_ns is not None and self._newest_ns - newest_ns < STORM_NS):
             self._loop.remove(self)
@@ -106,7 +106,7 @@ class Edges:
             self._again(self._loop.after(SILENT_S, self._look))
 
     def _again(self, timer: Timer | None) -> None:
-        """This is what is done next, and not what was to be."""
+        """Replace the pending timer."""
         if self._timer is not None:
             self._timer.cancel()
         self._timer = timer

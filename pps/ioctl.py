@@ -1,4 +1,4 @@
-"""PPS_FETCH and its like: what Linux makes of RFC 2783, octet by octet. Source: linux/pps.h, drivers/pps/pps.c."""
+"""PPS_FETCH and other ioctls of RFC 2783. Source: linux/pps.h, drivers/pps/pps.c."""
 
 import os
 import struct
@@ -15,27 +15,28 @@ POINTER = struct.calcsize("P")
 
 
 def layout(pointer: int, machine: str) -> str:
-    """How struct pps_fdata is aligned: as the compiler does it, 64 octets, or 60 on i386. Kernels of 64 bits take every
-    program of 32 bits for one of i386, those of a 32-bit Raspberry Pi OS as well.
+    """Return the alignment of struct pps_fdata for struct: the compiler's, with 64 octets, or 60 octets on i386.
 
+    Kernels of 64 bits treat each 32-bit program as one of i386, even those of a 32-bit Raspberry Pi OS.
     Source: pps_cdev_compat_ioctl() in drivers/pps/pps.c.
     """
     return "=" if pointer == 4 and machine in {"aarch64", "armv8l", "x86_64"} else "@"
 
 
-# struct pps_kparams: version; mode; offsets of assert and of clear (s, ns, flags). struct pps_fdata: sequence of assert
-# and of clear; time of assert and of clear (s, ns, flags); mode, which is 0 before the first edge; time-out.
+# struct pps_kparams: version; mode; offsets of assert and clear (s, ns, flags). struct pps_fdata: sequences of assert
+# and clear; times of assert and clear (s, ns, flags); mode, which is 0 before the first edge; timeout.
 KPARAMS = struct.Struct("@iiqiIqiI")
 FDATA = struct.Struct(layout(POINTER, os.uname().machine) + "IIqiIqiIiqiI")
 
-# As fcntl.ioctl(): descriptor, number, octets that the kernel reads and writes. Raises OSError.
+# Like fcntl.ioctl(): descriptor, number, buffer that the kernel reads and writes. Raises OSError.
 Ioctl = Callable[[int, int, bytearray], object]
 
 
 def number(direction: int, which: int, pointer: int = POINTER) -> int:
-    """An ioctl of linux/pps.h; direction 2 for what the kernel writes, 1 for what it reads, 3 for both.
+    """Return the number of an ioctl of linux/pps.h. direction: 2 if the kernel writes, 1 if it reads, 3 for both.
 
-    Its size is that of a pointer, since the macros name `struct pps_fdata *`: 32-bit programs have other numbers.
+    The size in it is that of a pointer, because the macros name `struct pps_fdata *`; 32-bit programs have other
+    numbers.
     """
     return direction << 30 | pointer << 16 | ord("p") << 8 | which
 
@@ -46,16 +47,16 @@ PPS_FETCH = number(3, 0xA4)
 
 
 class Fetched(NamedTuple):
-    """What PPS_FETCH tells: of each edge how many there were, and when the last was by the system's clock."""
+    """Result of PPS_FETCH: by edge, the number of edges so far, and the last one's time by the system's clock."""
 
     sequences: dict[Edge, int]
     stamps_ns: dict[Edge, int]
 
 
 def fetch(ioctl: Ioctl, device: int, wait_ns: int) -> Fetched:
-    """Wait for the next edge, of whichever kind the device captures; for 0 ns: what the last ones were.
+    """Wait for the next edge of any captured kind; with 0 ns, return the last edges at once.
 
-    Raises TimeoutError when none came, InterruptedError at a signal, OSError.
+    Raises TimeoutError if no edge came, InterruptedError at a signal, OSError for other errors.
     """
     octets = bytearray(FDATA.pack(*[0] * 9, *divmod(wait_ns, 10**9), 0))
     ioctl(device, PPS_FETCH, octets)
@@ -67,7 +68,7 @@ def fetch(ioctl: Ioctl, device: int, wait_ns: int) -> Fetched:
 
 
 def modes(ioctl: Ioctl, device: int) -> tuple[int, int]:
-    """Mode bits of what a device can do, and of what it does. Raises OSError."""
+    """Return the mode bits that a device supports, and those that are set. Raises OSError if the kernel refuses."""
     can, does = bytearray(4), bytearray(KPARAMS.size)
     ioctl(device, PPS_GETCAP, can)
     ioctl(device, PPS_GETPARAMS, does)

@@ -1,4 +1,4 @@
-"""The kernel's own word of its clock, by adjtimex(2) without rights: where nobody else says how good it is."""
+"""Kernel's own statement about its clock, read with adjtimex(2)."""
 
 import ctypes
 import struct
@@ -6,21 +6,21 @@ from enum import IntEnum
 from functools import cache
 from typing import Any, NamedTuple
 
-from board.errors import InterfaceError
+from board.runtime.errors import InterfaceError
 
 # struct timex of <sys/timex.h>: modes; offset, freq, maxerror, esterror; status; constant, precision, tolerance;
 # time (2); tick, ppsfreq, jitter; shift; stabil, jitcnt, calcnt, errcnt, stbcnt; tai; eleven spare ints.
 TIMEX = struct.Struct("@I4li3l2l3li5li44x")
 
 STA_INS, STA_DEL, STA_UNSYNC = 0x0010, 0x0020, 0x0040
-_PPM = 1 << 16  # freq is ppm with 16 bits of fraction
+_PPM = 1 << 16  # freq is in ppm with a binary fraction of 16 bits
 
 
 class State(IntEnum):
-    """What adjtimex returns."""
+    """State that adjtimex returns."""
 
     OK = 0
-    INSERT = 1  # a leap second at the end of this day
+    INSERT = 1  # a leap second is inserted at the end of this day
     DELETE = 2
     IN_LEAP_SECOND = 3
     AFTER_LEAP_SECOND = 4
@@ -28,13 +28,13 @@ class State(IntEnum):
 
 
 class KernelClock(NamedTuple):
-    """The state of CLOCK_REALTIME.
+    """State of CLOCK_REALTIME.
 
-    is_synchronised       as whoever steers it has told the kernel; chronyd does so with `rtcsync` only.
-    leap                  1 or -1 where the kernel will insert or leave out a second at the end of the UTC day.
-    frequency_ppb         that the kernel corrects by.
-    estimated_error_ns, maximum_error_ns  as told, and growing by 500 ppm since.
-    tai_offset_s          TAI less UTC; None where nobody has told it (CLOCK_TAI is UTC then).
+    is_synchronised       as reported to the kernel by the program that steers the clock; chronyd needs `rtcsync`.
+    leap                  1 or -1 if the kernel will insert or remove a second at the end of the UTC day, else 0.
+    frequency_ppb         frequency correction that the kernel applies.
+    estimated_error_ns, maximum_error_ns  as reported to the kernel; they grow by 500 ppm since.
+    tai_offset_s          TAI minus UTC; None if never set (CLOCK_TAI then equals UTC).
     """
 
     state: State
@@ -47,12 +47,12 @@ class KernelClock(NamedTuple):
 
     @property
     def uncertainty_ns(self) -> int | None:
-        """Bound of the clock's error, by whoever steers it; None where nobody does."""
+        """Bound of the clock's error, from the program that steers it; None if it is not synchronised."""
         return self.maximum_error_ns if self.is_synchronised else None
 
 
 def kernel_clock() -> KernelClock:
-    """The state of now. Raises InterfaceError where the system does not tell."""
+    """Return the current state. Raises InterfaceError if adjtimex fails."""
     timex = ctypes.create_string_buffer(TIMEX.size)  # zeros: modes 0 changes nothing
     state = _adjtimex()(timex)
     if state < 0:
@@ -62,12 +62,12 @@ def kernel_clock() -> KernelClock:
 
 @cache
 def _adjtimex() -> Any:
-    """Made once: it is asked each second."""
+    """Return the C function; it is cached, because it is called each second."""
     return ctypes.CDLL(None, use_errno=True).adjtimex
 
 
 def parsed(state: int, octets: bytes) -> KernelClock:
-    """What a struct timex says. state: what adjtimex has returned with it."""
+    """Decode a struct timex. state: return value of adjtimex."""
     _, _, frequency, maximum_us, estimated_us, status, *_, tai = TIMEX.unpack(octets)
     return KernelClock(
         State(state),

@@ -1,30 +1,30 @@
-"""Which pulses to believe: an interrupt that has to wait stamps its pulse late, and none stamps it early."""
+"""Rejects pulses with late stamps: a delayed interrupt stamps late, never early."""
 
-# Beyond so many times the mean deviation a pulse is put aside: 3 and 6 standard deviations of white noise. What is
-# early is no waiting interrupt: it is the truth more often than not.
+# Limits of deviation, in mean deviations: 3 and 6 standard deviations of white noise. A pulse beyond is put aside. The
+# limit for early pulses is wider: interrupts never come early, so an early pulse is mostly right.
 LATE, EARLY = 3.8, 7.5
 
-# An oscillator that turns leaves its line slowly: two pulses one after the other that are put aside by little are no
-# accident, and neither are four of whatever size. (Beside heavy work one interrupt in seven waits, for 40 us or so:
-# four in a row are one in 2400.) From then on pulses are believed that are off by little, or by not much more than the
-# one before, until one is where the estimate is.
+# If the oscillator's rate changes, the phase departs from the line slowly. So two successive pulses that exceed the
+# limit by little are not accidental; neither are RUN pulses beyond it by any amount. (Under heavy load, one interrupt
+# in seven waits, for about 40 us: four in a row are one in 2400.) From then on, the gate accepts small deviations, or
+# deviations not much larger than the previous one, until a pulse agrees with the estimate.
 LITTLE, RUN = 16.0, 4
 STEEPER = 2.0
 
-# The mean deviation is that of so many pulses, and none counts for more than CAPPED of it: up to half of all pulses may
-# be late, and the other half still says how exact a pulse is.
+# The mean deviation covers this number of pulses, and each counts for at most CAPPED times the mean. So up to half of
+# the pulses may be late, and the other half still determines the mean.
 REMEMBERED = 64
 CAPPED = 2.0
 
-# Nobody's interrupts are better.
+# Smallest mean deviation; no machine's interrupts are better.
 LEAST_NS = 50.0
 
 
 class Lateness:
-    """A gate for pulses.
+    """Gate that puts late pulses aside.
 
-    mean_ns   deviation of an ordinary pulse from the estimate: its mean absolute value.
-    doubt_ns  how far off the estimate is if those just put aside are right: the least of them, if there are two.
+    mean_ns   mean absolute deviation of ordinary pulses from the estimate.
+    doubt_ns  error of the estimate if the pulses just put aside are right: the least of them, if there are two or more.
     """
 
     def __init__(self, mean_ns: float) -> None:
@@ -36,11 +36,11 @@ class Lateness:
 
     @property
     def deviation_ns(self) -> float:
-        """Standard deviation, were it white noise."""
+        """Standard deviation of pulses, under the assumption of white noise."""
         return 1.25 * self.mean_ns
 
     def believed_ns(self, late_ns: float) -> float | None:
-        """How late to take a pulse for that seems so late; None if it is put aside."""
+        """Return the lateness with which to use a pulse; None if the pulse is put aside."""
         limit_ns = LATE if late_ns > 0 else EARLY
         mean_ns = self.mean_ns
         self.mean_ns = max(LEAST_NS, mean_ns + (min(abs(late_ns), CAPPED * mean_ns) - mean_ns) / REMEMBERED)
@@ -54,7 +54,7 @@ class Lateness:
         return self._doubted_ns(late_ns)
 
     def _doubted_ns(self, late_ns: float) -> float | None:
-        """Put one aside; or believe the least late of those put aside, as it is no accident any more."""
+        """Put a pulse aside; or return the least late of those put aside if they are not accidental."""
         run = self._run
         run.append(late_ns)
         least_ns = min(run, key=abs)

@@ -1,51 +1,51 @@
-"""True time as the raw clock goes, by pulses: a line, how far off it may be, and what it has learnt of itself."""
+"""Model of true time over the raw clock: a line and its uncertainty."""
 
 from typing import NamedTuple
 
 from pps.chain import DRIFT_PPM, SECOND_NS
-from pps.foresight import Foresight
+from pps.holdover import HoldoverEstimator
 from pps.lateness import Lateness
 from pps.settling import ENOUGH, Settling
 from pps.timemark import Second
 from pps.tracker import Trackers
 
-# A stamp of the kernel is later than its edge by something between a fifth of this and all of it, every time, and no
-# pulse shows by how much. Published: 4.4 us of a Raspberry Pi 4 (PPS-Client), 7 to 20 us of a Pi 5 (satpulse, issue
-# 460); 10 us is for the first. The middle is taken off every stamp, half of the rest stays in every uncertainty.
+# A stamp of the kernel is always later than its edge, by SHORTEST times to once the latency; pulses cannot show how
+# much. Published: 4.4 us for a Raspberry Pi 4 (PPS-Client), 7 to 20 us for a Pi 5 (satpulse, issue 460); 10 us is for
+# the Pi 4. The middle of the range is subtracted from each stamp; half of the range is part of each uncertainty.
 LATENCY_NS = 10_000
 SHORTEST = 0.2
 
-# 99.9 % of a normal distribution are within so many standard deviations.
+# Number of standard deviations that contain 99.9 % of a normal distribution.
 SIGMAS = 3.3
 
-# A first pulse may have waited so long: the worst of an interrupt beside heavy work.
+# Largest lateness of a first pulse: the worst interrupt under heavy load.
 FIRST_NS = 500_000
 CRYSTAL_PPB = DRIFT_PPM * 1000
 
-# After a silence of so long the first pulses are looked at together before they are believed.
+# After a silence longer than this, the first pulses are judged together before they are used.
 SILENCE_S = 10.0
 
-# Pulses further apart than this make no line together.
+# Pulses further apart than this cannot form a line.
 APART_S = 60.0
 
-# So many pulses after settling predictions begin to count: before, they are as good as the few pulses behind them,
-# which the line's own skew says.
+# Number of pulses after settling from which predictions count. Before, their errors are those of the few pulses behind
+# them, and the line's own skew covers these.
 SEASONED = 64
 
-# Pulses by which it shows that the line lags behind a clock that turns.
+# Number of pulses over which the line's lag behind a changing oscillator is averaged.
 LAGGING = 8
 
 
 def unseen_latency_ns(latency_ns: int) -> float:
-    """How far stamps may be off all the time, without any pulse showing it, when the middle is taken off."""
+    """Return the constant error of stamps in ns that no pulse shows, after the middle is subtracted."""
     return latency_ns * (1 - SHORTEST) / 2
 
 
 class Line(NamedTuple):
-    """True time is raw_ns + base_ns + phase_ns at moment_s, and the phase changes by rate_ppb from there on.
+    """Line of the true time: raw_ns + base_ns + phase_ns at moment_s; the phase then changes by rate_ppb.
 
-    moment_s  of the raw clock, in seconds since the first pulse.
-    within_ns, skew_ppb  how far off phase and rate may be.
+    moment_s             seconds of the raw clock since the first pulse.
+    within_ns, skew_ppb  largest errors of phase and rate.
     """
 
     moment_s: float
@@ -56,12 +56,15 @@ class Line(NamedTuple):
 
 
 class Model:
-    """The oscillator's line through the pulses. 10 us of work for each, 1 us for an estimate.
+    """Line of the oscillator through the pulses. Takes 10 us per pulse and 1 us per estimate.
 
-    latency_ns   the most that an ordinary stamp of a pulse is late. late_ns: what is taken off every stamp.
-    line         None before the first pulse. is_settled: it has been drawn through enough of them.
-    is_settling  the first pulses, or the first after a silence, are being collected.
-    surprises    times that pulses came back and the line was further off than had been stated: by surprise_ns, last.
+    latency_ns   largest lateness of an ordinary stamp.
+    late_ns      correction that is subtracted from each stamp.
+    line         current line; None before the first pulse.
+    is_settled   the line rests on enough pulses.
+    is_settling  the first pulses at the start or after a silence are being collected.
+    surprises    number of times that the line's error exceeded its bound when pulses returned.
+    surprise_ns  error at the last of these times.
     """
 
     def __init__(self, latency_ns: int = LATENCY_NS) -> None:
@@ -70,7 +73,7 @@ class Model:
         self.surprises, self.surprise_ns = 0, 0
         self.late_ns = round(latency_ns * (1 + SHORTEST) / 2)
         self._floor_ns = unseen_latency_ns(latency_ns)
-        self._foresight, self._trackers, self._lateness = Foresight(), Trackers(), Lateness(FIRST_NS)
+        self._holdover, self._trackers, self._lateness = HoldoverEstimator(), Trackers(), Lateness(FIRST_NS)
         self._settling: Settling | None = None
         self._series = self._first_raw_ns = self._base_ns = 0
         self._good_s = self._lag_ns = 0.0
@@ -86,20 +89,20 @@ class Model:
 
     @property
     def frequency_ppb(self) -> float:
-        """Of the raw clock against the truth: positive where it runs fast."""
+        """Frequency error of the raw clock: positive if it runs fast."""
         return -self.line.rate_ppb if self.line else 0.0
 
     @property
     def skew_ppb(self) -> float:
-        """How far off that may be."""
-        return self.line.skew_ppb + self._foresight.rate_ppb if self.line else CRYSTAL_PPB
+        """Largest error of frequency_ppb."""
+        return self.line.skew_ppb + self._holdover.rate_ppb if self.line else CRYSTAL_PPB
 
     def age_s(self, raw_ns: int) -> float:
-        """Since the last pulse that was believed."""
+        """Return the seconds since the last accepted pulse."""
         return self._moment_s(raw_ns) - self._good_s
 
     def estimate(self, raw_ns: int) -> tuple[int, int] | None:
-        """True time (ITS ns) at a moment of the raw clock, and how far off that may be; None before the first pulse."""
+        """Return true time (ITS ns) at a moment of the raw clock, and its largest error; None without a pulse."""
         line = self.line
         if line is None:
             return None
@@ -107,10 +110,10 @@ class Model:
         its_ns = raw_ns + self._base_ns + round(line.phase_ns + line.rate_ppb * ahead_s)
         away_s = abs(ahead_s)
         within_ns = line.within_ns + self._lateness.doubt_ns + line.skew_ppb * away_s
-        return its_ns, round(within_ns + self._foresight.bound_ns(away_s))
+        return its_ns, round(within_ns + self._holdover.bound_ns(away_s))
 
     def second(self, second: Second) -> None:
-        """A pulse and its second, in the order of time."""
+        """Add a pulse with its second; call it in the order of time."""
         raw_ns, its_ns = second.pulse.raw_ns, second.its_s * SECOND_NS + self.late_ns
         if second.series != self._series:
             self._acquire(second.series, raw_ns, its_ns)
@@ -127,32 +130,32 @@ class Model:
         return (raw_ns - self._first_raw_ns) * 1e-9
 
     def _acquire(self, series: int, raw_ns: int, its_ns: int) -> None:
-        """Seconds are counted anew: where they are others than the line's, it was wrong and is none any more."""
+        """Begin a new series of seconds; discard the line if it disagrees by more than half a second."""
         self._series = series
         known = self.estimate(raw_ns)
         if known is None or abs(known[0] - its_ns) > SECOND_NS // 2:
             self._settling = Settling(self.line.rate_ppb if self.line and self.is_settled else None)
             self.line, self.is_settled = None, False
             self._first_raw_ns, self._base_ns = raw_ns, its_ns - raw_ns
-            self._foresight.break_off()
+            self._holdover.break_off()
 
     def _settle(self, settling: Settling, second: Second, moment_s: float, phase_ns: float) -> None:
         self._good_s = moment_s
         found = settling.reading(moment_s, phase_ns)
         if found is None:
-            if not self.is_settled:  # nothing is better than the last pulse
+            if not self.is_settled:  # the last pulse alone is the best estimate
                 self.line = Line(moment_s, phase_ns, 0.0, self._floor_ns + FIRST_NS, CRYSTAL_PPB)
             return
         if self.is_settled:
             self._compare(second, moment_s, found.phase_ns)
         self._settling, self.is_settled = None, True
-        self._lag_ns = self._foresight.bound_ns(found.span_s / 2)  # where it bends within, a straight line lags
+        self._lag_ns = self._holdover.bound_ns(found.span_s / 2)  # a straight line lags if the phase bends in this span
         self._lateness = Lateness(found.mean_ns)
         self._trackers.begin(found.phase_ns, found.rate_ppb, ENOUGH, found.mean_ns**2)
         self._draw(second, moment_s)
 
     def _compare(self, second: Second, moment_s: float, phase_ns: float) -> None:
-        """Pulses are back: how good was the line without them? The raw clock is not stepped: it is the line's error."""
+        """Count the line's error when pulses return. The raw clock is never stepped, so the error is the line's."""
         line, stated = self.line, self.estimate(second.pulse.raw_ns)
         if line is None or stated is None:
             return
@@ -160,7 +163,7 @@ class Model:
         error_ns = abs(line.phase_ns + line.rate_ppb * ahead_s - phase_ns)
         if error_ns > stated[1]:
             self.surprises, self.surprise_ns = self.surprises + 1, round(error_ns)
-        self._foresight.returned(second.its_s, ahead_s, error_ns)
+        self._holdover.returned(second.its_s, ahead_s, error_ns)
 
     def _track(self, second: Second, moment_s: float, phase_ns: float) -> None:
         best = self._trackers.best
@@ -173,11 +176,11 @@ class Model:
         self._lag_ns += (late_ns - self._lag_ns) / LAGGING
         self._good_s = moment_s
         if self._trackers.count >= SEASONED:
-            self._foresight.second(second.its_s, moment_s, self._trackers.best.phase, self._trackers.steady.rate)
+            self._holdover.second(second.its_s, moment_s, self._trackers.best.phase, self._trackers.steady.rate)
         self._draw(second, moment_s)
 
     def _draw(self, second: Second, moment_s: float) -> None:
-        """The line of now: by the memory that foretells best, with the errors that noise and lag leave in it."""
+        """Draw the current line by the best-predicting tracker, with the errors that noise and lag leave in it."""
         best, steady, noise_ns = self._trackers.best, self._trackers.steady, SIGMAS * self._lateness.deviation_ns
         within_ns = self._floor_ns + SIGMAS * second.accuracy_ns + noise_ns * best.alpha**0.5 + 2 * abs(self._lag_ns)
         skew_ppb = noise_ns * (12 / steady.count**3) ** 0.5

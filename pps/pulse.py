@@ -1,33 +1,32 @@
-"""A pulse as the kernel saw it, the three clocks that it is seen by, and what sources of pulses have in common."""
+"""Pulse, its three clocks, and the interface of pulse sources."""
 
 import time
 from typing import NamedTuple, Protocol
 
-from board.errors import InterfaceError
+from board.runtime.errors import InterfaceError
 
-# Four readings take 0.4 us on a PC and 2 us on a Pi 4. Whoever needed longer was interrupted between two of them:
-# read again, as often as this; an emulator, which always needs longer, has the best of all.
+# Four readings take 0.4 us on a PC and 2 us on a Pi 4. A slower set was interrupted and is repeated, at most
+# MORE_READINGS times. The fastest set is used, as on an emulator, where all are slower.
 TIGHT_NS = 5_000
 MORE_READINGS = 3
 
-# A stamp that is older when it is taken is of no use: the clocks of now do not tell what the others were then, since
-# they are steered against each other (at 100 ppm it would be 25 us). One of the future: the clock was stepped since.
+# An older stamp is discarded. The clocks are steered against each other, so current readings do not give their earlier
+# difference (at 100 ppm the error would be 25 us). A stamp in the future means that the clock was stepped since.
 OLDEST_NS = 250_000_000
 
-EXTRA_NS = 500_000_000  # two pulses of a receiver are never nearer to each other
+EXTRA_NS = 500_000_000  # smallest distance of two pulses of a receiver
 
-# Edges that follow each other so soon come from a wire that bounces or from something else than seconds: after each
-# of them a source rests, so that it takes 20 in a second at most. The newest is had after the rest.
+# Edges closer than this come from a bouncing wire or another signal. After each of them, the source pauses for REST_S,
+# so it takes at most 20 edges per second. After the pause, it takes the newest.
 STORM_NS = 100_000_000
 REST_S = 0.05
 
 
 class Clocks(NamedTuple):
-    """The machine's clocks, read together.
+    """Clocks of the machine, read together.
 
-    system_ns  CLOCK_REALTIME: Unix time as the machine has it; the kernel stamps pulses and packets with it, and it
-               is stepped and slewed.
-    raw_ns     CLOCK_MONOTONIC_RAW: the oscillator alone, which nobody steers.
+    system_ns  CLOCK_REALTIME: Unix time by the machine; it stamps pulses and packets, and is stepped and slewed.
+    raw_ns     CLOCK_MONOTONIC_RAW: the oscillator alone, never steered.
     monotonic  CLOCK_MONOTONIC in seconds: the loop's clock.
     """
 
@@ -37,11 +36,12 @@ class Clocks(NamedTuple):
 
 
 class Pulse(NamedTuple):
-    """An edge that begins a second, by each clock.
+    """Edge that begins a second, by each clock.
 
-    sequence   the kernel's count of edges; it wraps at 2**32.
-    The kernel has stamped it by one of the clocks: system_ns (pps.device) or monotonic (pps.edges). The others are
-    found from that when the edge is taken.
+    The kernel stamps it by one clock: system_ns (pps.device) or monotonic (pps.edges). The other times are computed
+    when the edge is taken.
+
+    sequence  the kernel's count of edges; it wraps at 2**32.
     """
 
     sequence: int
@@ -51,24 +51,24 @@ class Pulse(NamedTuple):
 
 
 class Above(Protocol):
-    """What a source of pulses tells, on the loop."""
+    """Receiver of a pulse source's reports, on the loop."""
 
     def pulse(self, pulse: Pulse) -> None:
-        """An edge, in the order of their sequence."""
+        """Report an edge, in the order of sequence."""
 
     def missed(self, count: int) -> None:
-        """So many edges were counted by the kernel and not taken in time: their stamps are overwritten."""
+        """Report edges that the kernel counted, but whose stamps were overwritten before they were read."""
 
     def failed(self, error: InterfaceError) -> None:
-        """No more edges come from here: it was closed, and start() may be tried again later."""
+        """Report that the source failed and is closed; start() may be retried later."""
 
 
 class Tally:
-    """Tells pulses above, with those that are missing between them, and counts.
+    """Reports pulses and missed edges to the receiver, and counts them.
 
-    taken   told.
-    missed  counted by the kernel, and told as missed.
-    extra   of those taken: came within EXTRA_NS of the one before.
+    taken   number of reported pulses.
+    missed  number of edges that the kernel counted and the station missed.
+    extra   number of pulses within EXTRA_NS of the previous one.
     """
 
     def __init__(self, above: Above) -> None:
@@ -78,12 +78,12 @@ class Tally:
         self._raw_ns: int | None = None
 
     def begin(self, sequence: int) -> None:
-        """A source is open: the edges up to this sequence were before its time."""
+        """Begin after the source was opened; edges up to this sequence are old."""
         self._sequence = sequence
         self._raw_ns = None
 
     def take(self, pulse: Pulse) -> None:
-        """Tell of an edge; of none after end(), which may come meanwhile."""
+        """Report a pulse, and the edges missed before it; without effect after end(), which a report may call."""
         if self._sequence is None:
             return
         missed = (pulse.sequence - self._sequence - 1) % 2**32
@@ -98,30 +98,30 @@ class Tally:
             self._above.pulse(pulse)
 
     def end(self) -> None:
-        """The source is closed."""
+        """End, because the source is closed."""
         self._sequence = None
 
 
 class Pulses(Protocol):
-    """A source of pulses: pps.device, pps.edges or pps.simulated."""
+    """Source of pulses: pps.device, pps.edges or pps.simulated."""
 
     @property
     def where(self) -> str:
-        """The device or line, for messages."""
+        """Device or line, for messages."""
 
     @property
     def tally(self) -> Tally:
-        """What has come so far; goes on when it is started again."""
+        """Counts so far; they continue after a restart."""
 
     def start(self) -> None:
-        """Tell pulses above from now on; nothing while started. Raises InterfaceError where they cannot be had."""
+        """Start reporting pulses; without effect if started. Raises InterfaceError if the source cannot be opened."""
 
     def stop(self) -> None:
-        """Tell no more, and return at once; idempotent."""
+        """Stop reporting, and return at once; idempotent."""
 
 
 def read_clocks() -> Clocks:
-    """The clocks of now, each within TIGHT_NS of the others as far as the machine lets us."""
+    """Return the clocks, read within TIGHT_NS of each other if possible."""
     reading = _reading()
     for _ in range(MORE_READINGS):
         if reading[0] <= TIGHT_NS:
@@ -131,13 +131,13 @@ def read_clocks() -> Clocks:
 
 
 def pulse_at(sequence: int, stamp_ns: int, now: Clocks) -> Pulse:
-    """The pulse of a stamp by the system's clock, taken soon after it: in between, that clock was not stepped."""
+    """Return the pulse of a stamp by the system's clock, which must not have been stepped since."""
     ago_ns = now.system_ns - stamp_ns
     return Pulse(sequence, stamp_ns, now.raw_ns - ago_ns, now.monotonic - ago_ns / 1e9)
 
 
 def _reading() -> tuple[int, Clocks]:
-    """How long it took, in ns, and the clocks: the raw one as it was in the middle."""
+    """Return the duration of the reading in ns, and the clocks; the raw clock is that of the middle."""
     first_ns = time.clock_gettime_ns(time.CLOCK_MONOTONIC_RAW)
     system_ns = time.clock_gettime_ns(time.CLOCK_REALTIME)
     monotonic = time.monotonic()

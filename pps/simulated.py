@@ -1,34 +1,36 @@
-"""Pulses of a receiver that is not there: what a simulated board has in place of a PPS device."""
+"""Simulated pulses, in place of a PPS device."""
 
 from collections.abc import Callable
 
-from board.loop import Loop, Timer
+from board.runtime.loop import Loop, Timer
 from pps.chain import SECOND_NS
 from pps.pulse import Above, Clocks, Pulse, Tally, read_clocks
 
-# A timer that came too early waits for this at least: a truth that stands still keeps nobody busy.
+# Shortest wait after a timer that came too early. It prevents a busy loop when the simulated truth does not advance.
 EARLY_NS = 1_000_000
 
 
 def system_is_right(clocks: Clocks) -> int:
-    """The truth where nobody says another."""
+    """Return the system's clock as the true time; the default truth."""
     return clocks.system_ns
 
 
 def no_latency() -> int:
-    """An interrupt that is served at once."""
+    """Return the latency of an interrupt that is served at once."""
     return 0
 
 
 class Simulated:
-    """A pulse at each whole second of a simulated receiver, told on the loop, stamped exactly: a timer only wakes.
+    """Pulse at each whole second of a simulated receiver, reported on the loop.
 
-    truth       the receiver's time in ns, of what the clocks show; only the fraction of its second counts. While it is
-                None there are no pulses.
-    latency_ns  called for each pulse: how long after the second its stamp is.
+    Stamps are exact: the timer only wakes the loop, and the stamp is computed.
 
-    What may be changed at any time: is_silent, there are no pulses; late_ns, all are so much later; double_ns, so long
-    after each comes another (0: none).
+    truth       returns the receiver's time in ns for a reading of the clocks; only its fraction of a second counts.
+                While it returns None, pulses pause.
+    latency_ns  returns the lateness of each pulse's stamp.
+    is_silent   no pulses. This and the next two may be changed at any time.
+    late_ns     additional lateness of all pulses.
+    double_ns   time from each pulse to a second, false one; 0: none.
     """
 
     where = "simulated pulses"
@@ -50,24 +52,24 @@ class Simulated:
         self._latency_ns = latency_ns
         self._clocks = clocks
         self._sequence = 0
-        self._shift_ns = 0  # of the next pulse, after the whole second
+        self._shift_ns = 0  # lateness of the next pulse
         self._timers: list[Timer] = []
 
     def start(self) -> None:
-        """Tell pulses above from now on; nothing while started."""
+        """Start reporting pulses; without effect if started already."""
         if not self._timers:
             self.tally.begin(self._sequence)
             self._wait()
 
     def stop(self) -> None:
-        """Tell no more; idempotent."""
+        """Stop reporting; idempotent."""
         for timer in self._timers:
             timer.cancel()
         self._timers.clear()
         self.tally.end()
 
     def _wait(self) -> None:
-        """For the next second: two pulses are at least half a one apart, however their latencies differ."""
+        """Wait for the next second; pulses are at least half a second apart, however their latencies differ."""
         self._shift_ns = self.late_ns + self._latency_ns()
         left_ns = SECOND_NS - (self._since_ns(self._clocks()) or 0)
         self._wake(left_ns if left_ns >= SECOND_NS // 2 else left_ns + SECOND_NS)
@@ -76,7 +78,7 @@ class Simulated:
         self._timers = [self._loop.after(left_ns / 1e9, self._look)]
 
     def _since_ns(self, now: Clocks) -> int | None:
-        """How long ago the last pulse was due."""
+        """Return the time since the last pulse was due, or None while pulses pause."""
         truth = self._truth(now)
         return None if truth is None else (truth - self._shift_ns) % SECOND_NS
 
@@ -85,7 +87,7 @@ class Simulated:
         since_ns = self._since_ns(now)
         if since_ns is None:
             self._wait()
-        elif since_ns >= SECOND_NS // 2:  # too early, or the truth was changed meanwhile
+        elif since_ns >= SECOND_NS // 2:  # the timer came too early, or the truth changed meanwhile
             self._wake(max(EARLY_NS, SECOND_NS - since_ns))
         else:
             self._wait()

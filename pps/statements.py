@@ -1,41 +1,40 @@
-"""What a receiver has said of late, and which pulse it can have meant.
+"""Receiver's recent messages, matched with pulses.
 
-TIM-TP announces the pulse that comes next, NAV-PVT is of an epoch that has been. When they come is all that a time of
-arrival says, and it bounds what they can mean from one side: nobody announces a pulse before the one ahead of it, or
-knows an epoch that is still to come. From the other side nothing binds them: a line may be slow, and a loop stalled.
-So what is asked of a statement depends on what is known: with seconds counted, its second, and that it was possible
-then; without, that it came in time as well.
+TIM-TP announces the next pulse; NAV-PVT describes a past epoch. The time of arrival bounds their meaning on one side
+only. A receiver cannot announce a pulse before the one ahead of it, or report a future epoch. But a message may arrive
+arbitrarily late, on a slow line or with a stalled loop. While seconds are counted, a message must name the right
+second and must have been possible at its arrival. Before, it must also arrive in time.
 """
 
 from collections import deque
 from typing import NamedTuple
 
-from board.time import EPOCH, GPS_LEAD, GPS_LEAPS, Fix, TimeMark
+from board.time.scales import EPOCH, GPS_LEAD, GPS_LEAPS, Fix, TimeMark
 from pps.pulse import Pulse
 from pps.refused import Why
 
-# u-blox F9P, UBX-22008968: the time pulse is within 60 ns in 99 % of cases; a receiver that says 1 us has lost it.
+# u-blox F9P, UBX-22008968: the time pulse is within 60 ns in 99 % of cases; a receiver that reports 1 us has lost it.
 LIMIT_NS = 1_000
 
 WEEK_S = 604_800
 
-KEPT = 64  # statements of each kind: as many seconds of a stalled loop
+KEPT = 64  # most statements kept of each kind; covers as many seconds of a stalled loop
 
-# What a word may be earlier than it can be, by the loop's clock: chronyd slews that too, by 8.3 % at most, and a pulse
-# is stamped by another thread.
+# Tolerance for messages that seem earlier than possible by the loop's clock. That clock is slewed by chronyd, by up to
+# 8.3 %. Also, another thread stamps the pulses.
 SLACK_S = 0.1
-# From an epoch to NAV-PVT: 30 ms at 10 Hz over USB, 300 ms at 38,400 Bd behind all else that is said. A message that
-# comes in the last third of a second may be one that is late by a whole one.
+# Longest time from an epoch to NAV-PVT: 30 ms at 10 Hz over USB, 300 ms at 38,400 baud behind all other messages. A
+# message in the last third of a second may be late by a whole second.
 IN_TIME_S = 0.7
 
-# iTOW is rounded, and the clock of some receivers runs free: an epoch may be said to be just before its second.
+# iTOW is rounded, and the clock of some receivers runs free, so an epoch may be reported just before its second.
 _EARLY_MS = 5
-_UTC_NS = 100_000_000  # what UTC and GPS time of an epoch may differ by: far less than the second that is looked for
-_EVENT_S = 2  # seconds around a leap second in which UTC says nothing: firmware differs in how it counts there
+_UTC_NS = 100_000_000  # largest difference of UTC and GPS time of an epoch; errors to be detected are a whole second
+_EVENT_S = 2  # seconds around a leap second in which UTC is not checked, because firmware versions differ there
 
 
 class Epoch(NamedTuple):
-    """A Fix as a statement of time. tow_s: its second of the week; after_s: how far within that it was."""
+    """Fix as a statement of time. tow_s: second of the week; after_s: position within that second."""
 
     fix: Fix
     monotonic: float
@@ -45,7 +44,7 @@ class Epoch(NamedTuple):
 
 
 class Statements:
-    """The last ones, in the order in which they came. limit_ns: what accuracy a receiver must claim for its time."""
+    """Recent messages in order of arrival. limit_ns: accuracy of time that the receiver must report at least."""
 
     def __init__(self, limit_ns: int = LIMIT_NS) -> None:
         self._limit_ns = limit_ns
@@ -53,11 +52,11 @@ class Statements:
         self._epochs: deque[Epoch] = deque(maxlen=KEPT)
 
     def mark(self, mark: TimeMark) -> None:
-        """Hear an announcement."""
+        """Add an announcement."""
         self._marks.append(mark)
 
     def fix(self, fix: Fix) -> bool:
-        """Hear of an epoch. Returns whether it says anything new of time: the first good one of a second does."""
+        """Add an epoch; return whether it is new information, as the first good epoch of a second is."""
         if fix.tow_ms is None:
             return False
         tow_s, after_ms = divmod(fix.tow_ms + _EARLY_MS, 1000)
@@ -71,7 +70,7 @@ class Statements:
         return True
 
     def announced(self, pulse: Pulse, its_s: int) -> TimeMark | None:
-        """The last good announcement of a second that can have been made for the pulse; it may have come late."""
+        """Return the last good announcement of the second that can apply to the pulse, even if it came late."""
         possible = pulse.monotonic - 1 - SLACK_S
         for mark in reversed(self._marks):
             if mark.monotonic < possible:
@@ -81,7 +80,7 @@ class Statements:
         return None
 
     def confirmed(self, pulse: Pulse, its_s: int) -> Epoch | None:
-        """The last good epoch of a second that can have been known after the pulse; it may have come late."""
+        """Return the last good epoch of the second that can be a report after the pulse, even if it came late."""
         tow_s, possible = (its_s + GPS_LEAD) % WEEK_S, pulse.monotonic - SLACK_S
         for epoch in reversed(self._epochs):
             if epoch.monotonic < possible:
@@ -91,7 +90,7 @@ class Statements:
         return None
 
     def claim(self, pulse: Pulse) -> tuple[int, TimeMark, Fix] | None:
-        """The second that both name for a pulse, going by when they came; None where one is missing or no good."""
+        """Return the second that both messages in time give a pulse; None if one is missing, bad or contradictory."""
         mark, epoch = self._mark_before(pulse), self._epoch_after(pulse)
         if mark is None or epoch is None or self.objection(pulse, mark, epoch) is not None:
             return None
@@ -99,7 +98,7 @@ class Statements:
         return mark.its_s, mark, epoch.fix
 
     def why(self, pulse: Pulse, its_s: int | None) -> tuple[Why, str]:
-        """What is wrong with what was said of a pulse. its_s: the second that it should be; None: nobody knows."""
+        """Return why the messages do not confirm a pulse. its_s: its expected second; None if unknown."""
         mark, epoch = self._mark_before(pulse), self._epoch_after(pulse)
         if its_s is not None:
             tow_s, possible = (its_s + GPS_LEAD) % WEEK_S, pulse.monotonic - SLACK_S
@@ -111,7 +110,7 @@ class Statements:
         return self.objection(pulse, mark, epoch) or (Why.LATE, f"second {its_s}")
 
     def objection(self, pulse: Pulse, mark: TimeMark | None, epoch: Epoch | None) -> tuple[Why, str] | None:
-        """What speaks against a mark and an epoch being of one second."""
+        """Return why an announcement and an epoch do not confirm a pulse; None if they do."""
         if mark is None:
             return Why.UNANNOUNCED, f"nothing announced in the second before {pulse.monotonic:.3f} s"
         objection = self._objection(mark)
@@ -142,20 +141,20 @@ class Statements:
         return None
 
     def _mark_before(self, pulse: Pulse) -> TimeMark | None:
-        """The last announcement that came between the pulse before and this one; a good one, if there is any."""
+        """Return the last announcement between the previous pulse and this one; a good one if there is any."""
         latest, earliest = pulse.monotonic, pulse.monotonic - 1 - SLACK_S
         found = [mark for mark in reversed(self._marks) if earliest <= mark.monotonic <= latest]
         return next((mark for mark in found if self._objection(mark) is None), found[0] if found else None)
 
     def _epoch_after(self, pulse: Pulse) -> Epoch | None:
-        """The first epoch from the pulse on that was told in time; a good one, if there is any."""
+        """Return the first epoch from the pulse on that was reported in time; a good one if there is any."""
         first = pulse.monotonic
         found = [epoch for epoch in self._epochs if -SLACK_S <= epoch.monotonic - first - epoch.after_s <= IN_TIME_S]
         return next((epoch for epoch in found if epoch.is_good), found[0] if found else None)
 
 
 def is_of_utc(epoch: Epoch, its_s: int, mark: TimeMark) -> bool:
-    """Whether UTC of an epoch is that of its ITS second, by the leap seconds of a mark."""
+    """Return whether UTC of an epoch agrees with its ITS second, given the leap seconds of an announcement."""
     assert mark.leap_seconds is not None
     assert epoch.fix.utc_ns is not None
     event, leaps = mark.leap_event, mark.leap_seconds

@@ -1,14 +1,14 @@
-"""Which second each pulse begins: pulses, what a receiver says before and after them, and what has gone by.
+"""Pairing of pulses with their seconds, by a receiver's messages before and after each.
 
-Three witnesses: TIM-TP announces the pulse that comes next (TimeMark), NAV-PVT is of the epoch that a pulse began
-(Fix), and the raw clock counts whole seconds from one good pulse to the next. A second that is wrong is worse than
-none, so all have to agree. The rules:
+Three sources must agree, because a wrong second is worse than a missing one. TIM-TP announces the next pulse
+(TimeMark). NAV-PVT describes the epoch that a pulse began (Fix). The raw clock counts whole seconds between good
+pulses. The rules:
 
 # state      event                                        -> state      what comes of it
 #
-# any        an edge                                         same       it waits for what is said of it: WAIT_S
+# any        an edge                                         same       it waits WAIT_S for its messages
 # any        WAIT_S is over                                  same       refused, with the reason
-# any        WAIT_S was over a while ago: the loop stalled   same       it waits on: that may be there, unread
+# any        WAIT_S was over a while ago: the loop stalled   same       it waits on: messages may be unread
 #
 # SEARCHING  an edge < 5 ms after another                    same       refused: a bounce
 # SEARCHING  TIM-TP in the second before an edge, and        same       the first three in a row: refused
@@ -29,52 +29,57 @@ none, so all have to agree. The rules:
 # RETURNING  as SEARCHING, and the row is of the seconds     FOLLOWING  the fourth: passed on, the series goes on
 #            that have come by the raw clock
 # RETURNING  the row is of other seconds, or between them    same       refused
-# RETURNING  it has been for RELABEL_S                       FOLLOWING  the receiver is believed: a new series
-# RETURNING  the first edge LIFE_NS after the last good      SEARCHING  the oscillator cannot tell seconds any more
+# RETURNING  it has been for RELABEL_S                       FOLLOWING  the receiver is right: a new series
+# RETURNING  the first edge LIFE_NS after the last good      SEARCHING  drift leaves the second in doubt
 
-Nothing here knows leap seconds but the comparison of UTC: the seconds are those of ITS time. Nothing depends on the
-order in which a turn of the loop delivers what it has, for every word carries its time.
+PulsedTime (firmware/clock/pulsed_time.py) calls pulse(), mark() and fix() as they come, in any state, and expire() at
+deadline(). Each returns the events that it caused.
 
-What cannot be told: a line, or a loop, that is late by whole seconds from the first word on, steadily. It makes TIM-TP
-and NAV-PVT agree on a second that is past. Bring-up sets a rate at which no line is.
+Seconds are those of ITS time; only the comparison with UTC uses leap seconds. The order of delivery within a turn of
+the loop does not matter, because every message carries its time.
+
+Not detectable: a line, or a loop, that is late by whole seconds from the first message on. It makes TIM-TP and NAV-PVT
+agree on a past second. Bring-up sets a baud rate at which no line is that late.
 """
 
 from collections import Counter
 from typing import NamedTuple
 
-from board.time import Fix, LeapEvent, TimeMark
+from board.time.scales import Fix, LeapEvent, TimeMark
 from pps.chain import EDGE_NS, LIFE_NS, SECOND_NS, Chain
 from pps.pulse import Pulse
 from pps.refused import Refused, Why
 from pps.statements import LIMIT_NS, Statements, is_of_utc
 
-WAIT_S = 0.9  # from an edge to the words that make it good: before those of the next second
-PUNCTUAL_S = 0.05  # a timer that is later than this: the loop stalled, and has not read what came meanwhile
-GRACE_S = 0.5  # it has, by then
+WAIT_S = 0.9  # longest wait of an edge for its messages; ends before those of the next second
+PUNCTUAL_S = 0.05  # a timer that is later than this shows that the loop stalled and messages are still unread
+GRACE_S = 0.5  # additional wait after a stall; messages are read by then
 
-AGREEING = 4  # seconds that make a row; gpsd asks for as many
-GAP_NS = 5 * SECOND_NS  # a row may miss edges, and still be a row
-ROWS = 8  # others at a time: noise makes some as well
-# A receiver that came back with a wrong second has been told by satellites by then: the almanac of GPS, and with it the
-# leap seconds, comes once in 12.5 minutes.
+AGREEING = 4  # seconds that make a row; gpsd requires as many
+GAP_NS = 5 * SECOND_NS  # longest gap of missing edges within a row
+ROWS = 8  # most other rows at a time, because noise forms rows too
+# A receiver that returned with a wrong second knows the right one by then. GPS transmits the almanac, and with it the
+# leap seconds, once in 12.5 minutes.
 RELABEL_S = 780
 
-# So much later the grid is known to 10 ms, and a stray edge could pass for the pulse: its place is sought anew.
+# After this time, the grid is known only to 10 ms, and a stray edge could pass for the pulse. So a row is searched
+# again.
 FOLLOW_NS = 60 * SECOND_NS
 
-TRAILING_NS = SECOND_NS // 2  # pulses are shorter than that: the driver sets 100 ms
-RIVAL = 2  # seconds of a row that may be of the leading edges
-WAITING = 64  # edges at a time
+TRAILING_NS = SECOND_NS // 2  # bound of the length of a pulse; the driver configures 100 ms
+RIVAL = 2  # seconds after which a row may be that of the leading edges
+WAITING = 64  # most edges that wait
 
 
 class Second(NamedTuple):
-    """A pulse and the second that it begins, beyond doubt.
+    """Pulse with the confirmed second that it begins.
 
     its_s         ITS time.
-    accuracy_ns   of the receiver's time, as it says itself.
-    leap_seconds  GPS time less UTC, s, as the receiver says. leap_event: announced by satellites.
-    series        number of the acquisition that it counts from: in one series its_s counts the seconds of raw_ns; a
-                  new one may say another second.
+    accuracy_ns   accuracy of the receiver's time, as it reports.
+    leap_seconds  GPS time minus UTC, s, as the receiver reports.
+    leap_event    leap second announced by satellites.
+    series        number of the acquisition. Within one series, its_s counts the seconds of raw_ns; a new series may
+                  have other seconds.
     """
 
     pulse: Pulse
@@ -86,10 +91,11 @@ class Second(NamedTuple):
 
 
 class Acquired(NamedTuple):
-    """A new series begins.
+    """Begin of a new series.
 
-    its_s     of its first pulse. series: its number.
-    change_s  by how much its seconds are ahead of those that were counted; None where none were.
+    its_s     second of its first pulse.
+    series    its number.
+    change_s  its seconds minus the previously counted ones; None if none were counted.
     """
 
     its_s: int
@@ -101,7 +107,7 @@ Event = Second | Refused | Acquired
 
 
 class _Edge:
-    """A pulse that waits. its_s: its second by the chain; None: there is none, or it stands between seconds."""
+    """Pulse that waits. its_s: its second by the chain; None without a chain, or between seconds."""
 
     __slots__ = ("due", "error_ns", "is_graced", "its_s", "pulse")
 
@@ -114,32 +120,33 @@ class _Edge:
 
 
 class Pairing:
-    """One receiver and the pulses that it drives. All that goes in returns what is known by it, in order.
+    """Pairs the pulses of one receiver with seconds. Each input returns the events that it causes, in order.
 
-    limit_ns  what accuracy the receiver must claim for its time.
-    refused   how often, by reason. samples: the last of each.
+    limit_ns  accuracy of time that the receiver must report at least.
+    refused   number of refused pulses, by reason.
+    samples   last refused pulse, by reason.
     """
 
     def __init__(self, limit_ns: int = LIMIT_NS) -> None:
         self.refused: Counter[Why] = Counter()
         self.samples: dict[Why, Refused] = {}
         self._statements = Statements(limit_ns)
-        self._chain: Chain | None = None  # of the seconds passed on
+        self._chain: Chain | None = None  # chain of the seconds passed on
         self._is_following = False
-        self._rows: list[Chain] = []  # what the receiver has said in a row while nothing is followed
+        self._rows: list[Chain] = []  # candidate rows while no chain is followed
         self._edges: list[_Edge] = []
-        self._edge_ns: int | None = None  # the last edge of any kind
+        self._edge_ns: int | None = None  # raw clock of the last edge, good or not
         self._series = 0
 
     def pulse(self, pulse: Pulse) -> list[Event]:
-        """An edge, in the order of their sequence."""
+        """Add an edge, in the order of sequence."""
         raw_ns, before_ns = pulse.raw_ns, self._edge_ns
         self._edge_ns = raw_ns
         self._age(raw_ns)
         edge = _Edge(pulse)
-        if self._is_following:
-            self._place(edge)
-            if self._is_taken(edge):
+        if (chain := self._followed) is not None:
+            _place(edge, chain)
+            if _is_taken(edge, chain):
                 return [self._refuse(edge, Why.DUPLICATE, f"second {edge.its_s}, {edge.error_ns} ns off it")]
         elif before_ns is not None and abs(raw_ns - before_ns) < EDGE_NS:
             return [self._refuse(edge, Why.TRAILING, f"{(raw_ns - before_ns) / 1e6:.3f} ms after another")]
@@ -148,20 +155,20 @@ class Pairing:
         return found + self._settle()
 
     def mark(self, mark: TimeMark) -> list[Event]:
-        """An announcement."""
+        """Add an announcement."""
         self._statements.mark(mark)
         return self._settle() if self._edges else []
 
     def fix(self, fix: Fix) -> list[Event]:
-        """An epoch."""
+        """Add an epoch."""
         return self._settle() if self._statements.fix(fix) and self._edges else []
 
     def deadline(self) -> float | None:
-        """When expire() has something to do; None: not before something else has come."""
+        """Return when to call expire(); None if no edge waits."""
         return min(edge.due for edge in self._edges) if self._edges else None
 
     def expire(self, now: float) -> list[Event]:
-        """Refuse what has waited for too long."""
+        """Refuse edges that have waited too long."""
         found: list[Event] = []
         for edge in [edge for edge in self._edges if edge.due <= now]:
             if now - edge.due > PUNCTUAL_S and not edge.is_graced:
@@ -171,7 +178,7 @@ class Pairing:
         return found
 
     def _age(self, raw_ns: int) -> None:
-        """Forget what an oscillator cannot keep until an edge."""
+        """Stop following, or forget, a chain that is too old for this edge."""
         chain = self._chain
         if chain is None or not chain.is_over(raw_ns, FOLLOW_NS):
             return
@@ -180,38 +187,30 @@ class Pairing:
             self._chain = None
 
     def _settle(self) -> list[Event]:
-        """Pass on what has become good."""
+        """Pass on edges that are confirmed by now."""
         found: list[Event] = []
         for edge in list(self._edges):
-            if not self._is_following:
+            if (chain := self._followed) is None:
                 found += self._search(edge)
-            elif edge.its_s is not None and not self._is_taken(edge):
-                found += self._follow(edge, edge.its_s)
+            elif edge.its_s is not None and not _is_taken(edge, chain):
+                found += self._follow(edge, edge.its_s, chain)
         return found
 
     # FOLLOWING
 
-    def _place(self, edge: _Edge) -> None:
-        """Find the second of an edge by the chain."""
-        assert self._chain is not None
-        place = self._chain.place(edge.pulse.raw_ns)
-        edge.its_s = place.its_s if place.is_whole else None
-        edge.error_ns = place.error_ns
+    @property
+    def _followed(self) -> Chain | None:
+        """Chain that places edges; None while SEARCHING or RETURNING, even if an old chain is kept."""
+        return self._chain if self._is_following else None
 
-    def _is_taken(self, edge: _Edge) -> bool:
-        """Whether its second, or a later one, was passed on."""
-        assert self._chain is not None
-        return edge.its_s is not None and edge.its_s <= self._chain.its_s
-
-    def _follow(self, edge: _Edge, its_s: int) -> list[Event]:
+    def _follow(self, edge: _Edge, its_s: int, chain: Chain) -> list[Event]:
         epoch = self._statements.confirmed(edge.pulse, its_s)
         mark = None if epoch is None else self._statements.announced(edge.pulse, its_s)
         if epoch is None or mark is None or not is_of_utc(epoch, its_s, mark):
             return []
-        assert self._chain is not None
         found: list[Event] = []
         if len(self._edges) > 1:
-            edge, *others = self._by_merit(its_s)
+            edge, *others = self._by_merit(its_s, chain)
             found = [
                 self._refuse(one, Why.DUPLICATE, f"{one.error_ns} ns off second {its_s}, another {edge.error_ns} ns")
                 for one in others
@@ -219,18 +218,17 @@ class Pairing:
             self._edges = [one for one in self._edges if one.its_s != its_s]
         else:
             self._edges.clear()
-        self._chain.extend(edge.pulse.raw_ns, its_s, edge.error_ns)
+        chain.extend(edge.pulse.raw_ns, its_s, edge.error_ns)
         for other in self._edges:
-            self._place(other)
+            _place(other, chain)
         return [self._second(its_s, edge.pulse, mark, epoch.fix), *found]
 
-    def _by_merit(self, its_s: int) -> list[_Edge]:
-        """The edges of one second: those that are not early, the nearest to its place first; else the least early."""
-        assert self._chain is not None
+    def _by_merit(self, its_s: int, chain: Chain) -> list[_Edge]:
+        """Sort the edges of one second: those not early, nearest to the expected time first; then the least early."""
         edges = [edge for edge in self._edges if edge.its_s == its_s]
         if len(edges) == 1:
             return edges
-        expected_ns, within_ns = self._chain.expected(its_s)
+        expected_ns, within_ns = chain.expected(its_s)
 
         def demerit(edge: _Edge) -> tuple[bool, float]:
             late_ns = edge.pulse.raw_ns - expected_ns
@@ -268,7 +266,7 @@ class Pairing:
         return [self._refuse(edge, Why.OTHER_SECOND, detail)]
 
     def _row(self, raw_ns: int, its_s: int) -> Chain:
-        """The row that a claim belongs to; one at the same edges that counts otherwise ends with it."""
+        """Return the row of a claim, extended; a row of the same edges with other seconds ends."""
         rows = [row for row in self._rows if not row.is_over(raw_ns, GAP_NS)]
         found: Chain | None = None
         for row in rows:
@@ -284,33 +282,33 @@ class Pairing:
         return found
 
     def _has_rival(self, raw_ns: int) -> bool:
-        """Whether an edge may be the end of a pulse that another row knows the beginning of."""
+        """Return whether an edge may be the end of a pulse whose beginning belongs to another row."""
         return any(row.count >= RIVAL and EDGE_NS < raw_ns - row.raw_ns < TRAILING_NS for row in self._rows)
 
     def _acquire(self, row: Chain, acquired: Acquired | None) -> list[Event]:
-        """Count from a row on."""
+        """Follow a row from now on."""
         self._chain, self._is_following, self._rows = row, True, []
         for other in self._edges:
-            self._place(other)
+            _place(other, row)
         if acquired is None:
             return []
         self._series = acquired.series
         return [acquired]
 
-    # What is no good
+    # Refusals
 
     def _given_up(self, edge: _Edge) -> list[Event]:
-        """Refuse an edge that has waited for long enough."""
+        """Refuse an edge that was not confirmed in time."""
         self._edges.remove(edge)
         raw_ns = edge.pulse.raw_ns
-        if not self._is_following:
+        chain = self._followed
+        if chain is None:
             why, detail = self._statements.why(edge.pulse, None)
             if why in (Why.DISAGREE, Why.UTC):
                 self._rows = [row for row in self._rows if not row.place(raw_ns).is_whole]
             return [self._refuse(edge, why, detail)]
         if edge.its_s is None:
-            assert self._chain is not None
-            place = self._chain.place(raw_ns)
+            place = chain.place(raw_ns)
             return [self._refuse(edge, Why.OFF_GRID, f"{place.error_ns} ns off second {place.its_s}")]
         return [self._refuse(edge, *self._statements.why(edge.pulse, edge.its_s))]
 
@@ -319,3 +317,15 @@ class Pairing:
         self.refused[why] += 1
         self.samples[why] = refused
         return refused
+
+
+def _place(edge: _Edge, chain: Chain) -> None:
+    """Find the second of an edge by a chain."""
+    place = chain.place(edge.pulse.raw_ns)
+    edge.its_s = place.its_s if place.is_whole else None
+    edge.error_ns = place.error_ns
+
+
+def _is_taken(edge: _Edge, chain: Chain) -> bool:
+    """Return whether the edge's second, or a later one, was passed on already."""
+    return edge.its_s is not None and edge.its_s <= chain.its_s

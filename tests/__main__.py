@@ -1,4 +1,4 @@
-"""python -m tests: all tests, in parts side by side; with words, pytest's own."""
+"""Test runner: runs all tests in parallel parts, or pytest with given arguments."""
 
 import re
 import signal
@@ -11,25 +11,25 @@ from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
-from board.child import die_with_parent
+from board.runtime.child import die_with_parent
 
 HERE = Path(__file__).parent
-# Beside these there is one more part, of all other folders. Each takes about as long: the first computes, the others wait
-# for processes and sockets.
+# Folders of each part; one more part has all other folders. The parts take about the same time: the first one computes,
+# the others wait for processes and sockets.
 PARTS = (
     (
-        "tests/asn1", "tests/board", "tests/drivers/wire", "tests/firmware/box", "tests/firmware/codec",
-        "tests/firmware/console", "tests/gateway", "tests/image", "tests/meter", "tests/pps",
+        "tests/asn1", "tests/board", "tests/drivers/wire", "tests/firmware/card", "tests/firmware/update", "tests/firmware/codec",
+        "tests/firmware/console", "tests/firmware/gateway", "tests/image", "tests/firmware/meter", "tests/pps",
     ),
     ("tests/system",),
 )  # fmt: skip
 
 _SUMMARY = re.compile(r"(?:\d+ [a-z]+, )*\d+ [a-z]+ in [\d.]+s(?: \(\d+:\d\d:\d\d\))?\s*")
-ENDS = (0, 1)  # all passed; some failed
+ENDS = (0, 1)  # exit codes of pytest after a complete run: all tests passed, or some failed
 
 
 def main() -> int:
-    """The exit code of the first part that went wrong, else 0. The last line is the sum of all."""
+    """Run the tests and print the sums of all parts. Return the exit code of the first part that failed, else 0."""
     if sys.argv[1:]:
         return subprocess.call([*_pytest(), *sys.argv[1:]], cwd=HERE.parent)
     began = time.monotonic()
@@ -40,7 +40,7 @@ def main() -> int:
             for part in parts:
                 part.show()
         except KeyboardInterrupt:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parts have it as well
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parts have received this signal as well
             print("stopped")
             return 130
     counts: Counter[str] = Counter()
@@ -54,10 +54,15 @@ def main() -> int:
 
 
 class _Part:
-    """Tests that run in a process of their own until the block ends.
+    """Part of the tests, in a pytest process that runs until the `with` block ends.
 
-    words     of pytest's command line.
-    failures  lines of its short summary; counts, of its last line: known once it has been shown, as its code.
+    words     arguments of pytest.
+
+    The following are known after show():
+
+    code      exit code of pytest.
+    failures  lines of failed tests in pytest's short summary.
+    counts    number of tests by outcome, from pytest's last line.
     """
 
     def __init__(self, words: Iterable[str]) -> None:
@@ -67,7 +72,7 @@ class _Part:
         self.counts: dict[str, int] = {}
 
     def __enter__(self) -> "_Part":
-        self._file = tempfile.NamedTemporaryFile()  # a pipe that nobody reads would hold it up
+        self._file = tempfile.NamedTemporaryFile()  # not a pipe: a full pipe without a reader would block pytest
         command = [*_pytest(), *self.words]
         self._process = subprocess.Popen(
             command,
@@ -85,7 +90,7 @@ class _Part:
         self._file.close()
 
     def show(self) -> None:
-        """All that it says, as it says it, until it has ended."""
+        """Print the output of pytest as it appears, until pytest has ended."""
         is_summary = False
         last = ""
         for line in self._lines():

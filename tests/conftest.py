@@ -1,5 +1,6 @@
-"""Fixtures and settings of all tests: an own network, the same examples in every run, a loop whose clock jumps."""
+"""Fixtures and settings of all tests: own network, fixed examples, virtual time."""
 
+import gc
 import os
 import select
 import signal
@@ -13,11 +14,12 @@ from hypothesis.configuration import set_hypothesis_home_dir
 from tests.network import isolate
 from tests.virtual import VirtualLoop
 
-# nohup ignores SIGHUP, and a shell SIGINT of what it runs in the background: here as in what is started they end.
+# nohup makes its children ignore SIGHUP, and shells make background processes ignore SIGINT. Restore the defaults, so
+# that both signals end the tests and the programs that they start.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Parts of the tests run side by side, and other programs beside them: none takes a port of another.
+# Parts of the tests run in parallel, and with other programs. In a network namespace of its own, each may use any port.
 try:
     isolate()
     WARNING = ""
@@ -26,7 +28,7 @@ except OSError as error:
 
 set_hypothesis_home_dir("build/hypothesis")
 
-# derandomize: a failure seen once is seen by everybody. No deadline: the machine may be busy with other work.
+# derandomize makes every failure reproducible. A deadline would fail tests while the machine is busy with other work.
 settings.register_profile(
     "captain",
     derandomize=True,
@@ -37,6 +39,12 @@ settings.register_profile(
 settings.load_profile("captain")
 
 
+def pytest_collection_finish() -> None:
+    """Exclude the collected tests from garbage collection: thousands of them stay until the end."""
+    gc.collect()
+    gc.freeze()
+
+
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     if WARNING:
         terminalreporter.write_line(WARNING)
@@ -44,14 +52,14 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 @pytest.fixture
 def loop() -> Iterator[VirtualLoop]:
-    """For what is ready at once or waits for a timer; a folder or a file whose ends are elsewhere has its own."""
+    """Return a loop on virtual time. Tests with threads or child processes use a fixture of their own instead."""
     with closing(VirtualLoop()) as loop:
         yield loop
 
 
 @pytest.fixture(scope="session")
 def wait_for_end() -> Callable[[int], None]:
-    """Waits until a process has ended, of which the test's own need not be the parent."""
+    """Return a function that waits for the end of a process, which need not be a child of the test process."""
     return _wait_for_end
 
 
@@ -60,6 +68,6 @@ def _wait_for_end(pid: int) -> None:
         pidfd = os.pidfd_open(pid)
     except ProcessLookupError:
         return
-    # The time-out only bounds a failure.
+    # Only a failing test reaches the timeout.
     assert select.select([pidfd], [], [], 20.0)[0], f"process {pid} lives on"
     os.close(pidfd)

@@ -1,4 +1,4 @@
-"""Peers that speak ZMTP 3.0 or 2.0 (23/ZMTP, 15/ZMTP) by hand, and may say what libzmq's own sockets never say."""
+"""Hostile peers: ZMTP 3.0 and 2.0 by hand (23/ZMTP, 15/ZMTP), to send what libzmq never sends."""
 
 import socket
 from collections.abc import Callable
@@ -6,16 +6,16 @@ from collections.abc import Callable
 from tests.system.station import PATIENCE
 
 GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32)
-PATIENCE_S = PATIENCE  # reached only by a test that fails
+PATIENCE_S = PATIENCE  # timeout in seconds, which only a failing test reaches
 GREETING_2_0 = 12  # octets: signature, revision, type of the socket
 KINDS_2_0 = {b"PUB": b"\1", b"SUB": b"\2", b"PUSH": b"\x08"}
 ESTABLISHED = 1  # tcpi_state: TCP_ESTABLISHED
 
 
 class Peer:
-    """One TCP connection; the handshake is done when this returns.
+    """Peer on one TCP connection. The constructor returns after the handshake.
 
-    turn  lets the station go on, where it is in this process.
+    turn  runs the station's loop once, if the station is in this process.
     """
 
     def __init__(self, port: int, kind: bytes = b"SUB", turn: Callable[[], object] = lambda: None) -> None:
@@ -30,12 +30,12 @@ class Peer:
             answer += part
 
     def greeting(self, kind: bytes) -> bytes:
-        """Octets of the handshake up to the first message."""
+        """Return the octets of the handshake up to the first message."""
         ready = b"\x05READY\x0bSocket-Type" + len(kind).to_bytes(4, "big") + kind
         return GREETING + b"\x04" + bytes((len(ready),)) + ready
 
     def is_answered(self, octets: bytes) -> bool:
-        """Whether the handshake is complete."""
+        """Return True if the handshake is complete."""
         return b"Socket-Type" in octets
 
     def send(self, body: bytes, more: bool = False) -> None:
@@ -48,7 +48,7 @@ class Peer:
         self.send(b"\0" + topic)
 
     def is_cut(self) -> bool:
-        """Whether the station has ended the connection; what it sent before that is read away."""
+        """Return True if the station has ended the connection. Octets that it sent before are read and discarded."""
         self.socket.settimeout(0.001)
         try:
             while self.socket.recv(65536):
@@ -60,7 +60,7 @@ class Peer:
         return True
 
     def read(self) -> bytes:
-        """What has come until now."""
+        """Return the octets that have arrived so far."""
         self.socket.settimeout(0.001)
         octets = b""
         try:
@@ -71,7 +71,7 @@ class Peer:
         return octets
 
     def is_ended(self) -> bool:
-        """As is_cut(), of a peer that does not read."""
+        """Return True if the station has ended the connection, without reading from it."""
         state = self.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)[0]
         return state != ESTABLISHED
 

@@ -17,11 +17,12 @@ _libc = ctypes.CDLL(None, use_errno=True)
 
 
 def isolate(*, as_root: bool = False) -> None:
-    """Move this process, and so its children, into a new network namespace whose loopback is up.
+    """Move this process and its later children into a new network namespace with an active loopback.
 
-    as_root  become root there, who may make network devices; else the user stays the same and gets no capability.
+    as_root  True makes the process root in the namespace, so that it may create network devices. False keeps the user,
+             without capabilities.
 
-    Call it before any thread starts. Raises OSError where the kernel does not allow it: user_namespaces(7).
+    Call this before any thread starts. Raises OSError if the kernel does not permit it: user_namespaces(7).
     """
     user, group = os.geteuid(), os.getegid()
     inner_user, inner_group = (0, 0) if as_root else (user, group)
@@ -39,7 +40,7 @@ def isolate(*, as_root: bool = False) -> None:
 
 
 def _drop_capabilities() -> None:
-    """A new user namespace gives all of them: files that a test makes unreadable would be readable."""
+    """Drop all capabilities, which a new user namespace grants. Otherwise unreadable files would be readable in tests."""
     header = (ctypes.c_uint32 * 2)(CAPABILITY_VERSION_3, 0)
     none = (ctypes.c_uint32 * 6)()
     if _libc.capset(header, none):

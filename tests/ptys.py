@@ -1,4 +1,4 @@
-"""Octets under way in ptys, which a thread of the kernel carries, and a clock that waits for them before it jumps."""
+"""Ptys in tests: counts octets in transit, so that virtual time waits for them."""
 
 import fcntl
 import os
@@ -10,19 +10,20 @@ import pytest
 
 from tests.virtual import VirtualLoop
 
-PORT_NUMBER = 0x8004_5430  # TIOCGPTN of linux/tty.h: which port a simulator's end belongs to
+PORT_NUMBER = 0x8004_5430  # ioctl TIOCGPTN of linux/tty.h: returns the number of the pty of a simulator's end
 
 
 class Ptys:
-    """What was written by one end and not yet read at the other, by the number of the pty.
+    """Counters of the octets that one end of a pty has written and the other has not read yet.
 
-    What this process does with ttys goes through here. What is said to a port that nobody has open goes nowhere, and
-    what is on its way when a port is closed is lost.
+    A thread of the kernel carries these octets. The functions of `os` for files are patched, so that all accesses of
+    this process to ttys are counted. Octets to a port that is not open do not count, and closing a port resets its
+    counts, because the octets are lost.
     """
 
     def __init__(self, patch: pytest.MonkeyPatch) -> None:
-        self._under_way: Counter[tuple[int, bool]] = Counter()  # number, whether by the station
-        self._ports: dict[int, int] = {}  # those of the station: descriptor -> number
+        self._under_way: Counter[tuple[int, bool]] = Counter()  # by pty, and True if the station wrote
+        self._ports: dict[int, int] = {}  # numbers of the ptys that the station has open, by descriptor
         self._write, self._read, self._open, self._close = os.write, os.read, os.open, os.close
         for name in ("write", "read", "open", "close"):
             patch.setattr(os, name, getattr(self, name))
@@ -31,7 +32,7 @@ class Ptys:
         return any(self._under_way.values())
 
     def forget(self) -> None:
-        """What was under way has not come, and will not."""
+        """Reset the counts: octets that have not arrived by now are lost."""
         self._under_way.clear()
 
     def open(self, path: Any, *how: Any, **more: Any) -> int:
@@ -60,7 +61,7 @@ class Ptys:
         return octets
 
     def _number(self, descriptor: int) -> int | None:
-        """Of the pty that an end belongs to, where the station has its port open."""
+        """Return the number of the pty to which a descriptor belongs; None unless the station has its port open."""
         if descriptor in self._ports:
             return self._ports[descriptor]
         try:
@@ -71,7 +72,7 @@ class Ptys:
 
 
 class PtyLoop(VirtualLoop):
-    """Lets what is under way in ptys arrive before its clock jumps; what does not within CARRY_S is lost."""
+    """Virtual loop whose clock jumps only after octets in ptys have arrived; after CARRY_S they count as lost."""
 
     def __init__(self, ptys: Ptys, patience_s: float = 0.0) -> None:
         super().__init__(patience_s=patience_s)

@@ -1,4 +1,4 @@
-"""The locks: what .ci/lock writes, and what .ci/setup installs from."""
+"""Lock files: .ci/lock writes them, and .ci/setup installs from them."""
 
 import re
 import tomllib
@@ -16,7 +16,7 @@ def versions(lock: Path) -> dict[str, str]:
 
 
 def wanted(purpose: str) -> list[str]:
-    """The packages that pyproject.toml names for a purpose, without versions."""
+    """Return the packages that pyproject.toml names for a purpose, without versions."""
     extras = PROJECT["optional-dependencies"]
     names = [*PROJECT["dependencies"], *extras["build"], *extras.get(purpose, [])]
     return [re.split(r"[=<>~!\[; ]", name)[0].lower() for name in names]
@@ -37,7 +37,7 @@ def test_every_package_of_a_lock_has_hashes_and_no_address(lock: Path):
 
 
 def test_a_package_has_the_same_version_in_all_locks():
-    # What is tested has to be what runs, from source and in the binary.
+    # The tests must run with the same versions as the program, from source and in the binary.
     found: dict[str, set[str]] = {}
     for lock in LOCKS:
         for name, version in versions(lock).items():

@@ -1,4 +1,4 @@
-"""Tests of the network that each test process has to itself."""
+"""Network of a test process: each process has its own loopback and ports."""
 
 import socket
 import subprocess

@@ -1,4 +1,4 @@
-"""The clock of tests waits for what is under way in a pty, and for nothing else."""
+"""Ptys: virtual time waits for octets in transit in a pty, and only for these."""
 
 import os
 from collections.abc import Iterator
@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import pytest
 
-from board.loop import READ
+from board.runtime.loop import READ
 from drivers.sim.tty_end import TtyEnd
 from tests.ptys import PtyLoop, Ptys
 
 
 class Port:
-    """A station's end of a pty."""
+    """End of a pty that the station has open."""
 
     def __init__(self, loop: PtyLoop, path: str) -> None:
         self.descriptor = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -87,7 +87,7 @@ def test_what_was_under_way_when_an_end_is_closed_is_not_waited_for(pair: Pair, 
 
 def test_what_does_not_come_is_lost_once_and_the_clock_goes_on(pair: Pair) -> None:
     loop, module, _ = pair
-    port = os.open(module.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)  # that nobody reads
+    port = os.open(module.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)  # open, but never read
     module.say(b"unread")
     loop.run_for(1.0)
     assert not loop.ptys.is_carrying()

@@ -1,4 +1,4 @@
-"""What .ci/setup says of the environment that it makes or keeps, with programs in place of Python and pip."""
+"""Messages of .ci/setup, with doubles of Python and pip."""
 
 import os
 import shutil
@@ -9,7 +9,7 @@ import pytest
 
 SETUP = Path(__file__).resolve().parent.parent / ".ci" / "setup"
 
-# Says its version; what else it is asked for, it has.
+# Double of Python: prints its version and its folder, and has every requested module.
 PYTHON = """\
 #!/bin/sh
 case $1 in --version) echo "Python {version}" ;; -c) case $2 in *purelib*) pwd ;; esac ;; esac

@@ -1,23 +1,25 @@
-"""A loop whose clock stands still while descriptors are ready, and jumps to the next timer when none is.
+"""Loop on virtual time: its clock jumps to the next timer.
 
-A test of ten minutes takes as long as its callbacks, and takes it in the same order every time: the order of
-epoll for descriptors (that in which they became ready), the order of their moments for timers.
+A test of ten virtual minutes takes only as long as its callbacks, which always run in the same order. Descriptors are
+served in the order of epoll, in which they became ready. Timers are served in the order of their times.
 """
 
 from collections.abc import Callable
 
-from board.loop import MAX_EVENTS, Loop
+from board.runtime.loop import MAX_EVENTS, Loop
 
-# Real seconds for what is known to be on its way: it takes microseconds, and milliseconds beside other programs.
+# Real seconds to wait for octets that are known to be in transit. They take microseconds, or milliseconds on a busy
+# machine.
 CARRY_S = 1.0
 
 
 class VirtualLoop(Loop):
-    """A board.loop.Loop with a clock of its own, which starts at `now`.
+    """Loop of board.runtime.loop with a virtual clock.
 
-    patience_s  real seconds that a descriptor is given to become ready before the clock jumps: 0 for sockets of
-                one process on loopback, which are ready at once; more where a thread or a child has the other end.
-    is_carrying  whether octets are on their way that will make a descriptor ready: it is then given CARRY_S.
+    now          first time of the clock in seconds.
+    patience_s   real seconds to wait for a descriptor before the clock jumps. 0 is enough for loopback sockets inside a
+                 process, which are ready at once. Threads and child processes at the other end need more.
+    is_carrying  returns True while octets are in transit to a descriptor; the loop then waits CARRY_S for it.
     """
 
     def __init__(self, now: float = 1000.0, patience_s: float = 0.0) -> None:
@@ -27,7 +29,7 @@ class VirtualLoop(Loop):
         self.is_carrying: Callable[[], bool] = lambda: False
 
     def run_until(self, is_done: Callable[[], bool], within: float = 60.0) -> None:
-        """Turn until something is so. Fails when it is not within so many virtual seconds."""
+        """Run the loop until is_done() returns True. Fail after `within` virtual seconds."""
         end = self.after(within, lambda: None)
         while not is_done():
             assert end.is_pending, f"not so within {within} virtual seconds"
@@ -35,7 +37,7 @@ class VirtualLoop(Loop):
         end.cancel()
 
     def run_for(self, seconds: float) -> None:
-        """Turn until so many virtual seconds have gone by; what is due at their end is served."""
+        """Run the loop for a number of virtual seconds. Timers that are due at the end still run."""
         end = self.after(seconds, lambda: None)
         while end.is_pending:
             self.turn()
@@ -45,5 +47,5 @@ class VirtualLoop(Loop):
         patience_s = CARRY_S if self.is_carrying() else self.patience_s
         ready = self._epoll.poll(patience_s if delay != 0 else 0, MAX_EVENTS)
         if not ready:
-            self.now += delay or 0.0  # without a timer nothing will happen: time stays
+            self.now += delay or 0.0  # without a timer, the time does not change
         return ready

@@ -1,32 +1,33 @@
-"""asn1tools' reading of a text beside ours: where its tree is faithful, both have to say the same.
+"""Cross-check: compares our syntax tree of a module with that of asn1tools.
 
-Compared: names of modules, imports, types, values, classes and sets; components, alternatives and items in their order;
-OPTIONAL and DEFAULT; named numbers and bits; a single constraint of ranges; a single SIZE. Not compared, because its
-tree does not tell: rows of object sets, actual parameters, serial constraints, WITH COMPONENTS, CONTAINING, ALL EXCEPT,
-object identifiers, whether an ellipsis stands inside SIZE or behind it.
+It compares names of modules, imports, types, values, classes and sets; components, alternatives and items in their
+order; OPTIONAL and DEFAULT; named numbers and bits; a single constraint of ranges; a single SIZE. The tree of asn1tools
+does not contain rows of object sets, actual parameters, serial constraints, WITH COMPONENTS, CONTAINING, ALL EXCEPT and
+object identifiers. It does not distinguish an ellipsis inside SIZE from one after it.
 """
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from asn1.importer import syntax
-from asn1.importer.fault import ImportFault, MissingError, Place, Problem
+from asn1.importer.parser import syntax
+from asn1.importer.parser.fault import ImportFault, MissingError, Place, Problem
 
 _Tree = dict[str, Any]
 
-# What asn1tools cannot parse, and what stands in its place for the comparison only.
+# Types that asn1tools cannot parse. For the comparison only, another type replaces them.
 _INSTEAD = {"RELATIVE-OID": "BOOLEAN"}
 _LINE = re.compile(r"line (\d+)")
 
 
 def crosscheck(text: str, file: str, modules: Sequence[syntax.Module]) -> Problem | None:
-    """None where both read the same; why nothing was compared where asn1tools cannot read on.
+    """Compare our syntax trees with those of asn1tools.
 
-    Raises ImportFault with every place where asn1tools reads something else, MissingError.
+    Returns None if they are equal, or a note why nothing was compared if asn1tools cannot parse the text.
+    Raises ImportFault with every difference, MissingError if asn1tools is not installed.
     """
     try:
-        import asn1tools  # type: ignore[import-untyped]  # the station, the codecs and the binary do without
+        import asn1tools  # type: ignore[import-untyped]  # only this comparison needs it
     except ImportError:
         raise MissingError(
             "asn1tools is not installed, which reads every module once more: pip install asn1tools"
@@ -40,7 +41,7 @@ def crosscheck(text: str, file: str, modules: Sequence[syntax.Module]) -> Proble
         place = Place(file, int(line[1]) if line else 1)
         return Problem(place, f"not compared: asn1tools does not read this: {error}")
     except (ValueError, TypeError, LookupError, AttributeError) as error:
-        # A DEFAULT of INTEGER by reference, for one: there is no tree to compare.
+        # asn1tools raises these, for example, for a DEFAULT of INTEGER by reference. Then it returns no tree.
         return Problem(Place(file, 1), f"not compared: asn1tools stops with {type(error).__name__}: {error}")
     problems = [problem for module in modules for problem in _module(module, trees.get(module.name))]
     if problems:
@@ -53,7 +54,7 @@ def _module(ours: syntax.Module, theirs: _Tree | None) -> Iterator[Problem]:
         yield _differs(ours.place, f"module {ours.name}", "there", "not there")
         return
     imported = sorted((one.module, name) for name, one in ours.imports.items())
-    # It takes the braces behind the name of a template for names, and does not mind a name that comes twice.
+    # asn1tools lists the braces after the name of a template as names, and accepts duplicate names.
     names_of = {(module, name) for module, names in theirs["imports"].items() for name in names}
     their_imports = sorted(pair for pair in names_of if pair[1] not in {"{", "}"})
     if imported != their_imports:
@@ -103,7 +104,7 @@ def _type(ours: syntax.Type, theirs: _Tree, path: str) -> Iterator[Problem]:
 
 
 def _name(type_: syntax.Type) -> str | None:
-    """What asn1tools calls a type; None where it does not tell."""
+    """Return the name that asn1tools gives to a type; None if it gives none."""
     match type_:
         case syntax.Plain(name=name):
             return _INSTEAD.get(name, name)
@@ -127,7 +128,7 @@ def _members(ours: syntax.Structure, theirs: list[Any], path: str) -> Iterator[P
         flat += [None, *members.additions]
     if members.tail:
         flat += [None, *members.tail]
-    # It keeps a second ellipsis that nothing follows.
+    # asn1tools keeps a second ellipsis even if no member follows it.
     while theirs and theirs[-1] is None and len(theirs) > len(flat):
         theirs = theirs[:-1]
     if len(flat) != len(theirs):
@@ -174,7 +175,7 @@ def _enumerated(ours: syntax.Enumerated, theirs: list[tuple[str, int] | None], p
         yield _differs(ours.place, f"the items of {path}", names, their_names)
         return
     for one, their in zip(flat, theirs, strict=True):
-        # Numbers that the text does not give are a rule of the standard, not of the text.
+        # Only numbers in the text are compared. The others follow from a rule of X.680.
         if (
             one is not None
             and their is not None
@@ -195,7 +196,7 @@ def _items(ours: syntax.WithItems, theirs: Iterable[tuple[str, Any]], path: str)
 
 
 def _ranges(ours: syntax.Type, theirs: _Tree, path: str) -> Iterator[Problem]:
-    """Of a type with one constraint: its ranges, or those of its SIZE."""
+    """Compare the ranges of a type with one constraint, or those of its SIZE."""
     if len(ours.constraints) != 1:
         return
     constraint = ours.constraints[0]
@@ -213,7 +214,10 @@ def _ranges(ours: syntax.Type, theirs: _Tree, path: str) -> Iterator[Problem]:
 
 
 def _flat(constraint: syntax.Constraint) -> list[Any] | None:
-    """As asn1tools lists ranges: (low, high), a value, None for the ellipsis; None where it is no list of ranges."""
+    """Return ranges in the form of asn1tools; None for other constraints.
+
+    The list contains (low, high), single values, and None for the ellipsis.
+    """
     parts = _parts(constraint.root)
     if constraint.is_extensible:
         parts = parts and [*parts, None]

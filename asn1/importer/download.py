@@ -1,4 +1,4 @@
-"""Modules from a list of addresses: a line of the list is `<path in the directory> <https address>`."""
+"""Download of ASN.1 modules from a list of lines `<path in the directory> <https address>`."""
 
 import tempfile
 import urllib.error
@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
-from asn1.importer.fault import ImportFault, Place, Problem, fault
+from asn1.importer.parser.fault import ImportFault, Place, Problem, fault
 
-# The largest module of the standards has 0.4 MiB.
+# Limit for one file. The largest module of the standards has 0.4 MiB.
 MAX_OCTETS = 8 * 2**20
 TIMEOUT_S = 30.0
 
@@ -18,9 +18,9 @@ Fetch = Callable[[str], bytes]
 
 @contextmanager
 def directory_of(source: Path, fetch: Fetch | None = None) -> Iterator[Path]:
-    """A directory itself; of a list of addresses, a directory with what they give, for as long as the context lasts.
+    """Yield the directory itself; for a list of addresses, a temporary directory with the downloaded files.
 
-    Raises ImportFault with every line that cannot be fetched, OSError where the list cannot be read.
+    Raises ImportFault with every line that cannot be fetched, OSError if the list cannot be read.
     """
     if source.is_dir():
         yield source
@@ -43,7 +43,7 @@ def directory_of(source: Path, fetch: Fetch | None = None) -> Iterator[Path]:
 
 
 def _lines(source: Path) -> list[tuple[Place, str, str]]:
-    """Places, paths and addresses; blank lines and those that begin with # do not count."""
+    """Return place, path and address of each line. Blank lines and lines that begin with # are skipped."""
     found: list[tuple[Place, str, str]] = []
     for number, line in enumerate(source.read_text(encoding="utf-8").splitlines(), 1):
         place, words = Place(source.name, number), line.split()

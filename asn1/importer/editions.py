@@ -1,11 +1,11 @@
-"""editions.toml: which module of which edition is in which file, and which modules it imports from."""
+"""Reader of editions.toml: file, standard and imports of each module."""
 
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from asn1 import text, types
+from asn1.model import text, types
 
 MODULES = text.FOLDER / "modules"
 
@@ -14,11 +14,13 @@ MODULES = text.FOLDER / "modules"
 class Edition:
     """One module.
 
-    files       where its text may be: paths in the directory that is imported; those that are there have to agree
+    key         key of the module
+    name        its name in the text
+    standard    document and version
+    files       possible paths of its text in the imported directory; all that exist must agree
     imports     keys of the modules that it imports from
-    units_from  keys of modules whose units hold for definitions of the same name and range
-    keep        names of types, `*` for any letters, that are kept though no message reaches them, but for those that
-                the standard itself has replaced
+    units_from  keys of modules whose units apply to definitions with the same name and range
+    keep        types that are kept though no message uses them, except superseded ones; `*` matches any letters
     is_ours     the file lies in asn1/modules
     """
 
@@ -32,7 +34,7 @@ class Edition:
     is_ours: bool = False
 
     def paths(self, directory: Path) -> list[Path]:
-        """Those of its files that are there, without copies to the octet."""
+        """Return the existing files of the module, without identical copies."""
         folder = MODULES if self.is_ours else directory
         present = [path for path in (folder / name for name in self.files) if path.is_file()]
         found: dict[bytes, Path] = {}
@@ -43,14 +45,14 @@ class Edition:
 
 @dataclass(frozen=True, slots=True)
 class Editions:
-    """Modules in the order of the file, by key; messages by name."""
+    """Contents of editions.toml: modules in its order, by key; messages by name."""
 
     modules: dict[str, Edition]
     messages: dict[str, types.Message]
 
 
 def read_editions(path: Path = text.EDITIONS) -> Editions:
-    """Raises OSError, tomllib.TOMLDecodeError, and KeyError where a line is missing: the file is the project's own."""
+    """Read the project's file of editions. Raises OSError, tomllib.TOMLDecodeError, and KeyError for a missing key."""
     document = tomllib.loads(path.read_text(encoding="utf-8"))
     modules = [_edition(table) for table in document.get("module", [])]
     return Editions({one.key: one for one in modules}, {one.name: one for one in text.messages_of(document)})

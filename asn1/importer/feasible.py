@@ -1,19 +1,21 @@
-"""What is imported and yet cannot be generated is said where the module is read, with its line."""
+"""Refusal of types that can be imported but not generated; errors cite the line."""
 
 from collections.abc import Iterator, Mapping
 
-from asn1.c.limits import limits
-from asn1.importer.fault import ImportFault, Place, Problem
-from asn1.importer.program import Source
-from asn1.layout import lay_out
-from asn1.nodes import Kind, Layout, LayoutError, Node
-from asn1.types import Schema
+from asn1.backends.c.limits import limits
+from asn1.importer.parser.fault import ImportFault, Place, Problem
+from asn1.importer.resolver.program import Source
+from asn1.layout.layout import lay_out
+from asn1.layout.nodes import Kind, Layout, LayoutError, Node
+from asn1.model.types import Schema
 
 
 def require_feasible(schema: Schema, sources: Mapping[str, Source]) -> None:
-    """Raises ImportFault for types, reached by the messages, that have no layout or that C cannot say.
+    """Check the types that the messages use.
 
-    sources  the modules that were read, by key; the line is that of the definition.
+    sources  parsed modules by key; errors cite the line of the definition.
+
+    Raises ImportFault for types without a layout, or that C cannot represent.
     """
     try:
         layout = lay_out(schema, tuple(schema.messages.values()))
@@ -25,7 +27,7 @@ def require_feasible(schema: Schema, sources: Mapping[str, Source]) -> None:
 
 
 def _endless(layout: Layout) -> Iterator[LayoutError]:
-    """Definitions of which no finite value can be written: they need a value of themselves."""
+    """Yield an error for each definition that always contains itself, so that no finite value exists."""
     nodes = [node for of_module in layout.nodes.values() for node in of_module]
     ending: set[Node] = set()
     while more := [node for node in nodes if node not in ending and _ends(node, ending)]:
@@ -37,7 +39,7 @@ def _endless(layout: Layout) -> Iterator[LayoutError]:
 
 
 def _ends(node: Node, ending: set[Node]) -> bool:
-    """Whether a value of finite length can be made from such of `ending`."""
+    """Return whether a type has a finite value, if those in `ending` have one."""
     match node.kind:
         case Kind.SEQUENCE:
             return all(f.is_optional or f.node in ending for f in node.fields)

@@ -1,1 +1,4 @@
-"""Messages of users: what is asked for, files and imports. Face: wish, files, imports, identifier, announced."""
+"""User-defined messages: files, imports, and their ITS PDU header.
+
+Face: add.
+"""

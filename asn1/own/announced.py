@@ -1,25 +1,25 @@
-"""ITS PDU header of a user-defined message: checks that octets 0 and 1 identify the message."""
+"""ITS PDU header of a user-defined message: checks octets 0 and 1."""
 
 from collections.abc import Iterator
 
-from asn1.nodes import Kind, Node
+from asn1.layout.nodes import Kind, Node
 
-# ETSI TS 102 894-2, ItsPduHeader: two numbers of 8 bits with nothing before them.
+# ETSI TS 102 894-2, ItsPduHeader: it begins with two numbers of 8 bits each.
 HEADER = ("protocolversion", "messageid")
 
 
 def obstacle(pdu: Node) -> str | None:
-    """Why octets 0 and 1 are not protocolVersion and messageID; None where they are."""
+    """Return why octets 0 and 1 are not protocolVersion and messageID; None if they are."""
     leading = _leading(pdu, pdu.asn_name or pdu.c_name)
     for wanted in HEADER:
         name, reason = next(leading, ("", "it ends before"))
         if reason or name.lower() != wanted:
-            return reason or f"{name} stands there"
+            return reason or f"{name} is there"
     return None
 
 
 def _leading(node: Node, name: str) -> Iterator[tuple[str, str]]:
-    """Numbers of 8 bits at the beginning, by name, and then what ends them."""
+    """Yield the leading 8-bit numbers of the encoding as (name, ""), then (name, reason) for the first other part."""
     match node.kind:
         case Kind.SEQUENCE if node.is_extensible:
             yield name, f"{name} begins with an extension bit"
@@ -31,4 +31,4 @@ def _leading(node: Node, name: str) -> Iterator[tuple[str, str]]:
         case Kind.INTEGER if (node.bounds.low, node.bounds.high, node.is_extensible) == (0, 255, False):
             yield name, ""
         case _:
-            yield name, f"{name} stands there"
+            yield name, f"{name} is there"

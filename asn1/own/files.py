@@ -1,4 +1,4 @@
-"""Files of a user's message: reads them, and gives their modules keys."""
+"""Files of a user-defined message: parses them, and assigns keys to their modules."""
 
 import difflib
 import hashlib
@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
-from asn1.importer import syntax
 from asn1.importer.crosscheck import crosscheck
-from asn1.importer.fault import ImportFault, Problem, fault
-from asn1.importer.module_parser import Reading, read
+from asn1.importer.parser import syntax
+from asn1.importer.parser.fault import ImportFault, Problem, fault
+from asn1.importer.parser.module_parser import Reading, read
 from asn1.own import identifier
 
 _Found: TypeAlias = tuple[syntax.Module, str, str]
@@ -18,7 +18,7 @@ _Found: TypeAlias = tuple[syntax.Module, str, str]
 
 
 class Own(NamedTuple):
-    """A module of a file. sha256: of the file's octets."""
+    """A module of a user's file. sha256: digest of the file's octets."""
 
     key: str
     module: syntax.Module
@@ -27,7 +27,11 @@ class Own(NamedTuple):
 
 
 class Files(NamedTuple):
-    """reading: of all files together. texts: of each file, with its name and what it gave."""
+    """Files of a message, after parsing.
+
+    reading  result for all files together.
+    texts    for each file: its text, name and result.
+    """
 
     modules: list[Own]
     reading: Reading
@@ -35,9 +39,9 @@ class Files(NamedTuple):
 
 
 def read_files(paths: Sequence[Path], name: str, pdu: str) -> Files:
-    """Read the files of a message. Raises ImportFault where the PDU is unreadable.
+    """Parse the files of a message. Raises ImportFault if the PDU is unreadable.
 
-    name  of the message.
+    name  name of the message; the modules' keys contain it.
     """
     found: list[_Found] = []
     texts: list[tuple[str, str, Reading]] = []
@@ -63,18 +67,21 @@ def read_files(paths: Sequence[Path], name: str, pdu: str) -> Files:
 
 
 def compare(files: Files) -> list[Problem]:
-    """Return why asn1tools could not read a file. Raises ImportFault where it reads something else, MissingError."""
+    """Compare the files with asn1tools. Returns a note for each file that it could not read.
+
+    Raises ImportFault if asn1tools reads other types or values, MissingError if it is not installed.
+    """
     notes = [crosscheck(words, file, reading.modules) for words, file, reading in files.texts]
     return [note for note in notes if note]
 
 
 def key(name: str, number: int) -> str:
-    """Return the key of a module: x_<name>, x1_<name>, ..., so that two messages share none."""
+    """Return the key of a module: x_<name>, x1_<name>, ... The message's name makes it unique."""
     return f"x{number or ''}_" + re.sub(r"[.-]", "_", name)
 
 
 def no_type(paths: Sequence[Path], pdu: str) -> str | None:
-    """Say why a type cannot be the PDU; None for files with mistakes, of which `add` reports all."""
+    """Return why a type cannot be the PDU; None if it can, or if the files have errors, which `add` reports."""
     modules: list[syntax.Module] = []
     for path in paths:
         try:
@@ -93,7 +100,7 @@ def module_with(pdu: str, modules: Sequence[syntax.Module]) -> syntax.Module | N
 
 
 def no_pdu(pdu: str, files: Sequence[str], modules: Sequence[syntax.Module]) -> str:
-    """Say that no module defines a type, and which ones they define."""
+    """Return an error text: no module defines the type; with similar names, or all that are defined."""
     known = [
         name for module in modules for name, one in module.assignments.items() if isinstance(one, syntax.TypeAssignment)
     ]
@@ -108,7 +115,7 @@ def no_pdu(pdu: str, files: Sequence[str], modules: Sequence[syntax.Module]) -> 
 
 
 def _each_once(found: Sequence[_Found], problems: list[Problem]) -> list[_Found]:
-    """Without copies; two texts of one name and identifier are a problem."""
+    """Return the modules without duplicates. Adds a problem if two with the same name and identifier differ."""
     kept: dict[tuple[str, tuple[identifier.Arc, ...]], _Found] = {}
     for one in found:
         module = one[0]

@@ -1,11 +1,11 @@
-"""Object identifiers of modules, compared by their numbers whatever their spelling."""
+"""Object identifiers of modules, compared by their numbers, not by their spelling."""
 
 import re
 from typing import TypeAlias
 
 Arc: TypeAlias = int | str
 
-# Names that may stand without their number: ITU-T X.660 annex A, and the two arcs that ETSI's modules begin with.
+# Names that need no number, below each parent: ITU-T X.660 annex A, and the first arcs of ETSI's modules.
 _BELOW: dict[tuple[Arc, ...], dict[str, int]] = {
     (): {"itu-t": 0, "ccitt": 0, "iso": 1, "joint-iso-itu-t": 2, "joint-iso-ccitt": 2},
     (0,): {
@@ -22,7 +22,7 @@ _BELOW: dict[tuple[Arc, ...], dict[str, int]] = {
 
 
 def arcs(oid: str) -> tuple[Arc, ...]:
-    """Return the numbers of `{ itu-t(0) ... version(2) }`; a name of unknown number stays a name."""
+    """Return the arcs of `{ itu-t(0) ... version(2) }` as numbers; a name without a known number stays a name."""
     found: list[Arc] = []
     for word in words(oid):
         number = re.search(r"\d+(?=\)?$)", word if "(" in word or word.isdecimal() else "")
@@ -32,29 +32,29 @@ def arcs(oid: str) -> tuple[Arc, ...]:
 
 
 def words(oid: str) -> list[str]:
-    """Return its parts as written: "version(2)"."""
+    """Return the arcs as written: "version(2)"."""
     return oid.strip("{} ").split()
 
 
 def behind(oid: str, common: int) -> str:
-    """Return its parts from an arc on, the last one at least: "version(2)"."""
+    """Return the arcs after the first `common` ones, at least the last one, as written: "version(2)"."""
     parts = words(oid)
     return " ".join(parts[min(common, len(parts) - 1) :]) if parts else "no object identifier"
 
 
 def shared(oids: list[tuple[Arc, ...]]) -> int:
-    """Count the arcs that several identifiers begin with together."""
+    """Return the number of leading arcs that all identifiers share."""
     same = [len(set(column)) == 1 for column in zip(*oids, strict=False)]
     return same.index(False) if False in same else len(same)
 
 
 def is_successor(wanted: tuple[Arc, ...], found: tuple[Arc, ...]) -> bool:
-    """Is it the same identifier but for a last number that is as large or larger (WITH SUCCESSORS)?"""
+    """Return whether only the last arc differs and is not smaller (WITH SUCCESSORS)."""
     if len(wanted) != len(found) or wanted[:-1] != found[:-1]:
         return False
     return isinstance(wanted[-1], int) and isinstance(found[-1], int) and found[-1] >= wanted[-1]
 
 
 def is_descendant(wanted: tuple[Arc, ...], found: tuple[Arc, ...]) -> bool:
-    """Is it the same identifier, a successor, or one below these (WITH DESCENDANTS)?"""
+    """Return whether it is the same identifier, a successor, or below one of these (WITH DESCENDANTS)."""
     return is_successor(wanted, found[: len(wanted)])

@@ -1,7 +1,6 @@
-"""Edition of an import, chosen by object identifier and version.
+"""Imports: chooses the module of each by object identifier and version.
 
-Modules of other messages of users are no candidates, so that no message changes when another one is added, replaced or
-removed.
+Modules of other users' messages are never chosen, so that adding, replacing or removing a message changes no other.
 """
 
 import difflib
@@ -9,11 +8,11 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
-from asn1.importer import syntax
-from asn1.importer.fault import fault
+from asn1.importer.parser import syntax
+from asn1.importer.parser.fault import fault
+from asn1.model.types import Module
 from asn1.own import identifier
 from asn1.own.wish import STANDARD
-from asn1.types import Module
 
 NO_MODULE = "no module "
 NO_VERSION = "unknown "
@@ -25,7 +24,12 @@ _SELECTIONS: dict[str, Callable[[tuple[identifier.Arc, ...], tuple[identifier.Ar
 
 
 class Candidate(NamedTuple):
-    """A module that an import may mean. source: its document, or the user's file; order: newest last."""
+    """A module that an import may refer to.
+
+    source  document of the standard, or name of the user's file.
+    order   sort key: newer editions are greater.
+    is_own  True for a module of the user's files.
+    """
 
     key: str
     name: str
@@ -40,29 +44,27 @@ class Candidate(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """note: what the user should know of it, or ""."""
+    """Key of the chosen module. note: hint for the user, or ""."""
 
     key: str
     note: str = ""
 
 
 def is_of_user(module: Module) -> bool:
-    """Was it added by a user?"""
+    """Return whether a user added this module."""
     return module.standard.startswith(STANDARD)
 
 
 def of_files(modules: Iterable[tuple[str, syntax.Module]]) -> list[Candidate]:
-    """Modules that were given with the message, by key."""
+    """Return candidates for the modules of the user's files."""
     return [Candidate(key, one.name, one.oid, one.place.file, ("", ()), True) for key, one in modules]
 
 
 def of_standards(modules: Iterable[Module]) -> list[Candidate]:
-    """Candidates of the schema's modules, without those that users added, in the order given.
+    """Return candidates for the schema's modules in the given order, without those that users added.
 
     A candidate's order is its release and all numbers of its document and version, from left to right: that of
     "ETSI TS 102 894-2 v2.4.1" is ("r2", (102, 894, 2, 2, 4, 1)).
-
-    Source: key and standard, as Module in asn1/types.py has them. Raises nothing.
     """
     return [
         Candidate(one.key, one.name, one.oid, one.standard, (one.key.partition("_")[0], _numbers(one.standard)), False)
@@ -74,11 +76,12 @@ def of_standards(modules: Iterable[Module]) -> list[Candidate]:
 def choose(wanted: syntax.Import, candidates: Sequence[Candidate], others: Iterable[Module] = ()) -> Choice:
     """Choose the module of an import.
 
-    candidates  the user's own before those of the standards
-    others      modules of other messages, for the hint
+    candidates  modules of the user's files, followed by those of the standards.
+    others      modules of other messages, for the hint.
 
-    An identifier has to be that of the module, or a later one WITH SUCCESSORS; a module without one has any. Without an
-    identifier it is the user's own module, else the newest edition. Raises ImportFault.
+    The identifier of the import must equal that of the module; with WITH SUCCESSORS a later one is accepted as well. A
+    module without an identifier fits any. An import without an identifier takes the module of the user's files, or the
+    newest edition. Raises ImportFault if no module has the name, or none has the version.
     """
     named = [one for one in candidates if one.name == wanted.module]
     if not named:

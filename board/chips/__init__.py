@@ -1,1 +1,4 @@
-"""Chips on I2C: registers to values, by functions over a bus that transfers. They keep nothing between two calls."""
+"""I2C chips: functions without state that convert registers to values.
+
+Face: power, eeprom, expander, temperature.
+"""

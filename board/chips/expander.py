@@ -1,26 +1,25 @@
-"""PCA9555, TCA9555 and their like: sixteen pins behind four pairs of registers.
+"""PCA9555, TCA9555 and compatible expanders: sixteen pins in four pairs of registers.
 
-What a pin is set to is read from the chip each time and not remembered: the chip keeps its state when we are started
-anew, and others may have set it. Of a pair only the register of the pin's own port is written, so that the other
-eight pins are never touched.
+The state of a pin is read from the chip each time. The chip keeps it when the station restarts, and other programs
+may change it. Only the register of the pin's own port is written, so the other eight pins never change.
 """
 
-from board.errors import InterfaceError
 from board.i2c import Transfer
+from board.runtime.errors import InterfaceError
 
-# Registers of pins 0 to 7; those of 8 to 15 follow each. NXP PCA9555, table 4.
+# Registers of pins 0 to 7; the register of pins 8 to 15 follows each. NXP PCA9555, table 4.
 INPUT = 0
 OUTPUT = 2
-POLARITY = 4  # 1: INPUT reads inverted
-DIRECTION = 6  # 1: input
+POLARITY = 4  # bit 1: the pin reads inverted in INPUT
+DIRECTION = 6  # bit 1: the pin is an input
 
 
 def set_level(bus: Transfer, address: int, pin: int, is_high: bool, open_drain: bool = False) -> None:
-    """Drive a pin, 0 to 15; with open_drain only low, and let go of it for high.
+    """Set a pin, 0 to 15, high or low. With open_drain, a high pin becomes an input instead.
 
-    The latch is written before the direction: a pin that becomes an output begins with its level. A register that
-    holds its bit already is not written at all. Raises InterfaceError when a register does not keep what is written,
-    or the pin does not follow.
+    The output latch is written before the direction, so a new output starts at its level. A register that already
+    holds the bit is not written. Raises InterfaceError if a register does not keep the value, or the pin does not
+    follow.
     """
     is_driven = not (open_drain and is_high)
     if is_driven:
@@ -30,12 +29,12 @@ def set_level(bus: Transfer, address: int, pin: int, is_high: bool, open_drain: 
         words = ("low", "high")
         raise InterfaceError(
             f"pin {pin} of 0x{address:02x} on {bus.path}: set {words[is_high]} and reads {words[not is_high]}",
-            "something else drives it, or it is shorted: measure it, and compare the board file with the circuit",
+            "another part drives it, or it is shorted: measure it, and compare the board file with the circuit",
         )
 
 
 def level(bus: Transfer, address: int, pin: int) -> bool:
-    """Whether a pin is high, measured at the pin. It clears the chip's interrupt, which nobody here waits for."""
+    """Return whether a pin is high, measured at the pin. The read clears the chip's interrupt, which is not used."""
     return _read(bus, address, INPUT, pin) != _read(bus, address, POLARITY, pin)
 
 
@@ -54,7 +53,7 @@ def _write(bus: Transfer, address: int, pair: int, pin: int, bit: bool) -> None:
     if now != wanted:
         raise InterfaceError(
             f"0x{address:02x} on {bus.path}: register {register} was set to 0x{wanted:02x} and reads 0x{now:02x}",
-            "is it a PCA9555? compare the board file with what is fitted",
+            "check that it is a PCA9555, as in the board file",
         )
 
 

@@ -1,7 +1,7 @@
-"""TMP102: degrees Celsius in 12 bits, or in 13 where its extended mode is on."""
+"""TMP102: temperature in 12 bits, or in 13 bits in its extended mode."""
 
-from board.errors import InterfaceError
-from board.i2c import Transfer
+from board.i2c import Transfer, read_word
+from board.runtime.errors import InterfaceError
 
 TEMPERATURE = 0
 CONFIGURATION = 1
@@ -10,27 +10,24 @@ CONFIGURATION = 1
 SHUTDOWN = 1 << 8
 EXTENDED = 1 << 4
 
-DEGREES = 0.0625  # of one unit in both modes
+DEGREES = 0.0625  # degrees Celsius of one unit, in both modes
 
 
 def read(bus: Transfer, address: int) -> float:
-    """Degrees Celsius, -55 to 150.
+    """Return degrees Celsius, -55 to 150.
 
-    Raises InterfaceError also for a chip that was shut down: it is woken, and what it held is not told.
+    Raises InterfaceError if the chip does not answer. Raises it too for a chip in shutdown: this wakes the chip,
+    because its old reading is not valid.
     """
-    configuration = _word(bus, address, CONFIGURATION)
+    configuration = read_word(bus, address, CONFIGURATION)
     if configuration & SHUTDOWN:
         woken = (configuration & ~SHUTDOWN).to_bytes(2, "big")
         bus.transfer(address, bytes([CONFIGURATION]) + woken, 0)
         raise InterfaceError(f"0x{address:02x} on {bus.path} was shut down, and is woken", "read it again in 35 ms")
-    return celsius(_word(bus, address, TEMPERATURE), bool(configuration & EXTENDED))
+    return celsius(read_word(bus, address, TEMPERATURE), bool(configuration & EXTENDED))
 
 
 def celsius(word: int, is_extended: bool) -> float:
-    """Degrees of a temperature register: the unit is 1/16 degree, left-justified."""
+    """Return degrees Celsius of a temperature register: left-justified, 1/16 degree per unit."""
     signed = word - 0x10000 if word & 0x8000 else word
     return (signed >> (3 if is_extended else 4)) * DEGREES
-
-
-def _word(bus: Transfer, address: int, register: int) -> int:
-    return int.from_bytes(bus.transfer(address, bytes([register]), 2), "big")

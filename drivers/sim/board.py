@@ -1,37 +1,37 @@
-"""A whole simulated board: its machine, what its chips measure, and a module in each slot that says what belongs there.
+"""Simulated board: its machine, the values of its chips, and a module in each slot.
 
-What switches a slot is real: a line that the station sets on a simulated expander takes the supply of the module behind
-it away, `authorized` and `disable` of its USB port as well.
+The switches of a slot are real. A line that the station sets on a simulated expander cuts the supply of its module.
+The files `authorized` and `disable` of its USB port do so too.
 """
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from board.description import Hardware, SlotDescription
-from board.loop import Loop, Timer
-from board.scratch import Scratch
+from board.runtime.loop import Loop, Timer
+from board.runtime.scratch import Scratch
 from board.topology import parse
 from drivers.sim.chips import World
 from drivers.sim.machine import SimulatedMachine
-from drivers.sim.modules import MODULES, Module, Place, Radio
-from drivers.sim.neighbours import NeighboursOptions
-from drivers.sim.radio import VARIABLE
-from drivers.sim.receiver import Receiver
+from drivers.sim.modules import MODULES, Radio, SimulatedModule, SlotPort
+from drivers.sim.options import NeighboursOptions
+from drivers.sim.radio.control import VARIABLE
+from drivers.sim.receiver.receiver import Receiver
 from drivers.sim.trouble import Door, Troubles
 
-# How often it is looked at what was switched: a module then boots for a second.
+# Interval of polling the switches; short compared with the boot of a module, about a second.
 POLL_S = 0.1
 POWER, RESET = "power", "release"
 
 
 class SimulatedBoard:
-    """Plays everything below the machine's files.
+    """Simulation of everything below the machine's files.
 
-    air      where the radio's neighbours are; None: there is nothing to hear.
-    modules  by slot: those whose ids one of them has.
-    world    what the chips measure, and how they fail.
-    troubles that it can be given, also from outside.
-    silence  told, again and again, whether its receiver gives no pulses.
+    air       addresses of the radio's simulated neighbours; None: the radio hears nothing.
+    modules   simulated modules by slot, for slots whose ids have a simulator.
+    world     measurements and faults of the chips.
+    troubles  faults that tests or commands on a socket can begin and end.
+    silence   called periodically; its argument is True while the receiver gives no pulses.
     """
 
     def __init__(self, loop: Loop, hardware: Hardware, air: NeighboursOptions | None = None) -> None:
@@ -44,30 +44,30 @@ class SimulatedBoard:
         self.machine = self._simulated.machine
         self.world = World(hardware, self.machine)
         _plant(self.machine.sys, hardware)
-        self.modules: dict[str, Module] = {}
+        self.modules: dict[str, SimulatedModule] = {}
         self.troubles = Troubles(loop, self, hardware)
         self.silence: Callable[[bool], None] = lambda is_silent: None
         self._door: Door | None = None
         self._timer: Timer | None = None
 
     def start(self) -> None:
-        """Put the modules into their slots, and obey from now on."""
+        """Put the modules into their slots, and react to the switches of the board from now on."""
         for name, slot in self._slots.items():
             for made in (MODULES[id_] for id_ in slot.ids[:1] if id_ in MODULES):
-                self.modules[name] = made(self._loop, Place(self._simulated, slot.usb, self._air))
+                self.modules[name] = made(self._loop, SlotPort(self._simulated, slot.usb, self._air))
                 self._simulated.sit(slot.usb, self.modules[name].supplied, _missing(slot))
         self._door = Door(self._loop, self._scratch.path, self.troubles)
         self._poll()
 
     @property
     def receiver(self) -> Receiver | None:
-        """The one that drives the pulse: the first."""
+        """First simulated receiver, which drives the pulse; None without one."""
         players = (module.plays for module in self.modules.values())
         return next((one for one in players if isinstance(one, Receiver)), None)
 
     @property
     def environment(self) -> dict[str, str]:
-        """What processes of drivers must find in theirs, once the modules sit in their slots."""
+        """Environment variables that driver processes need; complete after start()."""
         radios = (module.plays for module in self.modules.values() if isinstance(module.plays, Radio))
         settings = next((radio.settings for radio in radios), "")
         return {VARIABLE: settings} if settings else {}
@@ -76,14 +76,14 @@ class SimulatedBoard:
         """Pull the module out of a slot."""
         self._simulated.leave(self._slots[slot].usb)
 
-    def plug(self, slot: str, other: Callable[[Loop, Place], Module] | None = None) -> None:
-        """Put its module back, or another one in, in place of what is there."""
+    def plug(self, slot: str, other: Callable[[Loop, SlotPort], SimulatedModule] | None = None) -> None:
+        """Replace the module in a slot, by the slot's own module or by another one."""
         self.unplug(slot)
-        place = Place(self._simulated, self._slots[slot].usb, self._air)
+        place = SlotPort(self._simulated, self._slots[slot].usb, self._air)
         self._simulated.sit(place.usb, (other(self._loop, place) if other else self.modules[slot]).supplied)
 
     def close(self) -> None:
-        """Take everything away; idempotent."""
+        """Stop all modules and remove the simulated machine; idempotent."""
         if self._timer is not None:
             self._timer.cancel()
         if self._door is not None:
@@ -106,18 +106,18 @@ class SimulatedBoard:
 
 
 def _missing(slot: SlotDescription) -> list[str]:
-    """What the slot's lines give to its module."""
+    """Return the conditions of a module's supply that the slot's lines control: power, release of reset."""
     return [word for word, line in ((POWER, slot.power), (RESET, slot.reset)) if line]
 
 
 def _hub(slots: Mapping[str, SlotDescription]) -> tuple[str, int]:
-    """Where the hub of the slots is, and how many ports it has."""
+    """Return the place of the slots' hub, and its number of ports."""
     places = [parse(slot.usb) for slot in slots.values()]
     return (places[0].hub if places else "1-1"), max((place.port for place in places), default=4)
 
 
 def _plant(sys: Path, hardware: Hardware) -> None:
-    """What the kernel's own drivers show: thermal zones, and a fan."""
+    """Create the files of the kernel's own drivers: thermal zones, and a fan."""
     for number, one in enumerate(one for one in hardware.temperatures.values() if one.kind == "thermal"):
         _files(sys / f"class/thermal/thermal_zone{number}", type=one.source, temp=48_200)
     if hardware.fan is not None:

@@ -1,7 +1,7 @@
-"""The simulated board's chips on their buses, in a worker like the real one's; and the world that they measure.
+"""Chips of the simulated board, in a worker, with a file of measurements and faults.
 
-The worker of the simulated board is killed like any other, and chips keep their state through it: what they hold is in
-files, one each. What they measure and how they fail is in a file as well, which the station's process writes.
+The worker of the simulated board can be killed like any other. Each chip therefore keeps its state in a file. The
+station's process writes another file with the measurements and faults of all chips.
 """
 
 import errno
@@ -15,28 +15,28 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from board.bus_calls import serve
 from board.description import Hardware, RailDescription
-from board.hands import serve
 from board.i2c import explained
 from board.machine import Machine
 from drivers.sim.registers import Chip, Eeprom, Expander, Ina, Tmp102, hat_image
 
-FOLDER = "chips"  # in Machine.dev
+FOLDER = "chips"  # folder in Machine.dev
 WORLD = "world.json"
 
-REMEMBERED = 64  # transactions
+REMEMBERED = 64  # transactions in SimulatedBus.seen
 
 UUID = "d9f3a1c4-5e60-4b7a-9c2d-0123456789ab"
 
 
 @dataclass
 class Fault:
-    """How transactions with an address end.
+    """Fault of the transactions with an I2C address.
 
-    number  errno: EREMOTEIO is not acknowledged, EBUSY is taken by the kernel, EIO a transfer that broke off.
-    after   so many transactions that still pass.
-    times   how many fail; None: all that follow.
-    seconds  that each blocks before it fails: a stuck bus, ETIMEDOUT after 1 s.
+    number   errno: EREMOTEIO means not acknowledged, EBUSY taken by the kernel, EIO an aborted transfer.
+    after    number of transactions that succeed before.
+    times    number of transactions that fail; None: all later ones.
+    seconds  time that each transaction blocks before it fails; a stuck bus gives ETIMEDOUT after 1 s.
     """
 
     number: int = errno.EREMOTEIO
@@ -45,7 +45,7 @@ class Fault:
     seconds: float = 0.0
 
     def is_next(self) -> bool:
-        """Count a transaction; whether it fails."""
+        """Count a transaction; return True if it fails."""
         if self.after:
             self.after -= 1
             return False
@@ -56,10 +56,10 @@ class Fault:
 
 
 class SimulatedBus:
-    """A bus with chips by address; an address without a chip does not answer.
+    """I2C bus with chips by address; an address without a chip does not answer.
 
     faults  by address.
-    seen    the last transactions: address, octets written, octets read.
+    seen    last transactions: address, octets written, octets read.
     """
 
     def __init__(self, path: str, chips: Mapping[int, Chip], block: Callable[[float], None] = time.sleep) -> None:
@@ -70,6 +70,7 @@ class SimulatedBus:
         self._block = block
 
     def transfer(self, address: int, write: bytes, read: int) -> bytes:
+        """Write, then read. Raises InterfaceError if no chip answers at the address, or a simulated fault is due."""
         try:
             found = self._transfer(address, write, read)
         except OSError as error:
@@ -89,14 +90,14 @@ class SimulatedBus:
 
 
 def serve_simulated(channel: socket.socket) -> None:
-    """As serve() of board/hands.py, with simulated buses and all else as it is."""
+    """Run the worker as serve() of board/bus_calls.py does, but with simulated buses."""
     serve(channel, FiledBus)
 
 
 class FiledBus:
-    """A bus with the chips that a board file declares on it; for the worker.
+    """I2C bus for the worker, with the chips that a board file declares on it.
 
-    The world is looked at before each transaction, and what a chip then holds is written down after it.
+    It reads the file of measurements and faults before each transaction, and saves the state of the chip after it.
     """
 
     def __init__(self, name: str, hardware: Hardware, machine: Machine) -> None:
@@ -146,7 +147,7 @@ class FiledBus:
 
 
 class World:
-    """What the simulated chips measure, and how they fail: the station's side. Each change is there at once."""
+    """Measurements and faults of the simulated chips, set in the station's process. Changes are effective at once."""
 
     def __init__(self, hardware: Hardware, machine: Machine) -> None:
         self._hardware = hardware
@@ -164,7 +165,7 @@ class World:
         self._tell()
 
     def force(self, expander: str, pin: int, level: bool | None) -> None:
-        """Short a pin to a supply or to ground; None: let go of it."""
+        """Short a pin to a supply or to ground; None: remove the short."""
         pins = self._world["pins"].setdefault(expander, {})
         pins.pop(str(pin), None)
         if level is not None:
@@ -172,7 +173,7 @@ class World:
         self._tell()
 
     def fail(self, bus: str, address: int, fault: Fault | None) -> None:
-        """Let transactions with an address fail; None: no more."""
+        """Make transactions with an address fail; None: end the fault."""
         faults = self._world["faults"].setdefault(bus, {})
         faults.pop(str(address), None)
         if fault is not None:
@@ -180,7 +181,7 @@ class World:
         self._tell()
 
     def is_active(self, line: str) -> bool:
-        """What a line on an expander is, whoever set it."""
+        """Return True if a line on an expander is active, whatever process has set it."""
         described = self._hardware.lines[line]
         chip = self._hardware.expanders[described.expander]
         expander = Expander()
@@ -194,7 +195,7 @@ class World:
 
 
 def chips_of(hardware: Hardware, bus: str) -> dict[int, Chip]:
-    """The chips that a board file declares on a bus, as they are after power-on."""
+    """Return the chips that a board file declares on a bus, in their state after power-on."""
     chips: dict[int, Chip] = {}
     for expander in hardware.expanders.values():
         if expander.bus == bus:
@@ -211,18 +212,18 @@ def chips_of(hardware: Hardware, bus: str) -> dict[int, Chip]:
 
 
 def load_of(rail: RailDescription) -> tuple[float, float]:
-    """Volts and amperes of a rail of which the world says nothing: well within its limits."""
+    """Return default volts and amperes of a rail, well within its limits."""
     low, high = rail.min_v or rail.max_v or 5.0, rail.max_v or rail.min_v or 5.0
     return (low + high) / 2, (rail.max_a or 1.0) / 4
 
 
 def held_path(folder: Path, bus: str, address: int) -> Path:
-    """The file with what a chip holds."""
+    """Return the path of the file with the state of a chip."""
     return folder / f"{bus}-0x{address:02x}"
 
 
 def _ina(hardware: Hardware, first: RailDescription) -> Ina:
-    """The chip of a rail, with the channels of all rails that it measures."""
+    """Return the chip of a rail, with the channels of all rails that it measures."""
     channels = {
         rail.channel: rail for rail in hardware.rails.values() if (rail.bus, rail.address) == (first.bus, first.address)
     }
@@ -234,7 +235,7 @@ def _ina(hardware: Hardware, first: RailDescription) -> Ina:
 
 
 def _put(path: Path, octets: bytes) -> None:
-    """Replace a file at once: who reads it meanwhile has the old one or the new one, whole."""
+    """Replace a file atomically: a concurrent reader gets either the old or the new content."""
     part = path.with_suffix(".part")
     part.write_bytes(octets)
     os.replace(part, path)

@@ -1,4 +1,4 @@
-"""What the kernel shows of its devices, as files: folders of attributes in /sys, links to them, nodes in /dev."""
+"""Kernel objects as files: attributes and links in /sys, nodes in /dev."""
 
 import os
 import shutil
@@ -10,11 +10,11 @@ from drivers.sim.uevents import UeventSender
 
 
 class Kobject(NamedTuple):
-    """One device of the kernel.
+    """Device of the simulated kernel.
 
     folder      below /sys/devices.
-    links       elsewhere in /sys, and in /dev, that lead to it or to what plays it.
-    properties  of its uevents.
+    links       links in /sys and /dev to the folder, or to the pty of the simulator.
+    properties  properties of its uevents.
     """
 
     folder: Path
@@ -24,7 +24,7 @@ class Kobject(NamedTuple):
 
 
 class Kobjects:
-    """Makes and removes them, each with its uevent. Who finds a link finds all that it leads to."""
+    """Creates and removes kernel objects, each with its uevent. A link is created after everything that it leads to."""
 
     def __init__(self, sys: Path, dev: Path, uevents: UeventSender) -> None:
         self.sys = sys
@@ -41,13 +41,13 @@ class Kobjects:
         /,
         **properties: str,
     ) -> Kobject:
-        """Make one.
+        """Create an object and send its uevent.
 
-        folder      absolute.
-        attributes  files with a line each.
+        folder      absolute path.
+        attributes  files with one line each.
         found_at    its link in /sys: `bus/usb/devices/1-1`, `class/tty/ttyUSB2`.
-        node        its name in /dev, and what it links to; a plain file where that is empty.
-        properties  of its uevents, beside those that all have.
+        node        its name in /dev, and the target of that link; an empty target creates a plain file.
+        properties  properties of its uevents, in addition to the common ones.
         """
         folder.mkdir(parents=True)
         for name, value in attributes.items():
@@ -63,14 +63,14 @@ class Kobjects:
         return made
 
     def remove(self, one: Kobject) -> None:
-        """Remove one, whose children are gone already."""
+        """Remove an object, and send its uevent; its children must have been removed before."""
         for link in reversed(one.links):
             link.unlink()
         shutil.rmtree(one.folder)
         self._tell("remove", one)
 
     def bind(self, one: Kobject, driver: str) -> None:
-        """Let a driver have it."""
+        """Bind a driver to an object."""
         home = self.sys / "bus" / one.subsystem / "drivers" / driver
         home.mkdir(parents=True, exist_ok=True)
         _link(one.folder / "driver", home)

@@ -1,8 +1,8 @@
-"""A machine with a USB hub whose ports are places for simulated modules: the files of a Linux machine, and its uevents.
+"""Simulated machine: files and uevents of Linux, with a USB hub for modules.
 
-A module is whatever boots when it is supplied and is gone when it is not. The machine supplies it for as long as its
-hub's port is on, the kernel is authorized to use it, and nothing else is missing that the board says: a power line, the
-release of reset. What a module plugs in appears in the tree; when its supply goes, that disappears by itself.
+A module boots when its supply comes, and disappears when the supply is cut. The supply needs an enabled port of the hub
+and the kernel's authorization of the device. A board may also require a power line and the release of reset. Devices
+that a module plugs in appear in the tree, and disappear with its supply.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,19 +17,19 @@ from drivers.sim.usb_tree import SimulatedDevice, SimulatedInterface, UsbTree
 
 __all__ = ["SimulatedDevice", "SimulatedInterface", "SimulatedMachine"]
 
-# What takes the supply of a module away beside what the board names.
+# Conditions of the supply on every board, in addition to the board's own.
 PORT, AUTHORIZED = "hub port", "authorized"
 
 
 @dataclass
 class _Place:
-    """A port.
+    """Port of the hub, with its module.
 
-    folder    of the port.
-    missing   what takes its supply away.
-    supplied  tells the module that sits there.
-    device    what that has plugged in.
-    parts     of it, in the order they were made: the device itself first.
+    folder    folder of the port.
+    missing   unmet conditions of the supply; the module is supplied when this set is empty.
+    supplied  callback of the module for changes of its supply.
+    device    device that the module has plugged in.
+    parts     kernel objects of the device, in order of creation: the device itself first.
     """
 
     topology: Topology
@@ -41,10 +41,10 @@ class _Place:
 
 
 class SimulatedMachine:
-    """A folder, and the Machine to find it by.
+    """Folder with the files of a machine, and the Machine that describes it.
 
-    hub    where the hub is whose ports are the places; those above it are made, too.
-    ports  how many it has.
+    hub    place of the hub for the modules; hubs above it are created, too.
+    ports  number of its ports.
     """
 
     def __init__(self, folder: Path, hub: str = "1-1", ports: int = 4) -> None:
@@ -60,8 +60,8 @@ class SimulatedMachine:
     def sit(self, topology: str, supplied: Callable[[bool], None], missing: Sequence[str] = ()) -> None:
         """Put a module into a place.
 
-        supplied  told when its supply comes and when it goes; at once where it is there already.
-        missing   what it has to get by supply() before, beside the port and the kernel's authorization.
+        supplied  called with True or False when the supply comes or goes; at once if the supply is on.
+        missing   conditions that supply() must meet first, in addition to the port and the authorization.
         """
         place = self._places[topology]
         place.supplied = supplied
@@ -70,7 +70,7 @@ class SimulatedMachine:
             supplied(True)
 
     def leave(self, topology: str) -> None:
-        """Pull the module out; what the place misses, it still does."""
+        """Pull the module out; the conditions of the place remain as they are."""
         place = self._places[topology]
         supplied, place.supplied = place.supplied, None
         was_supplied = not place.missing
@@ -79,7 +79,7 @@ class SimulatedMachine:
             supplied(False)
 
     def supply(self, topology: str, what: str, is_there: bool) -> None:
-        """Give a place what it misses, or take it away: `power`, `release` of reset, or whatever the board has."""
+        """Meet or withdraw a condition of a place's supply: `power`, `release` of reset, or others of the board."""
         place = self._places[topology]
         if is_there is (what not in place.missing):
             return
@@ -93,7 +93,7 @@ class SimulatedMachine:
             self._tell(place)
 
     def plug(self, topology: str, device: SimulatedDevice) -> None:
-        """A device appears, in place of what was there; not at a place without supply."""
+        """Make a device appear, in place of an earlier one; does nothing at a place without supply."""
         place = self._places[topology]
         if not place.missing:
             self._pull(place)
@@ -102,25 +102,28 @@ class SimulatedMachine:
             place.parts += self._tree.configure(place.parts[0], device)
 
     def unplug(self, topology: str) -> None:
-        """What is plugged in there disappears; idempotent. What is not authorized stays, for who may authorize it."""
+        """Make the device of a place disappear; idempotent.
+
+        An unauthorized device stays, so that it can be authorized again.
+        """
         place = self._places[topology]
         if place.supplied is None or AUTHORIZED not in place.missing:
             self._pull(place)
 
     def poll(self) -> None:
-        """Obey what was written into the tree since the last call: `authorized` of devices, `disable` of ports."""
+        """Process writes to the tree since the last call: `authorized` of devices, `disable` of ports."""
         for topology, place in self._places.items():
             self._obey(topology, PORT, place.folder / "disable", "0")
             if place.parts:
                 self._obey(topology, AUTHORIZED, place.parts[0].folder / "authorized", "1")
 
     def close(self) -> None:
-        """Hang up on who listens to its uevents; idempotent."""
+        """Close the uevent socket and all listeners; idempotent."""
         self._uevents.close()
 
     def _obey(self, topology: str, what: str, path: Path, yes: str) -> None:
         written = path.read_text().strip()
-        if written:  # else it is just being written
+        if written:  # an empty file is being written at this moment
             self.supply(topology, what, written == yes)
 
     def _lose(self, place: _Place, what: str) -> None:
@@ -131,7 +134,7 @@ class SimulatedMachine:
 
     def _tell(self, place: _Place) -> None:
         if place.supplied is not None:
-            if not place.missing:  # whatever the module had plugged in, it does so again when it has booted
+            if not place.missing:  # the module plugs its device in again after it has booted
                 self._pull(place)
             place.supplied(not place.missing)
         elif place.parts and place.device is not None and not place.missing:
@@ -140,10 +143,10 @@ class SimulatedMachine:
     def _pull(self, place: _Place) -> None:
         place.device = None
         self._remove(place, 0)
-        # Whatever comes next is another device, and the kernel may use that.
+        # The next device is a new one, so it is authorized.
         place.missing.discard(AUTHORIZED)
 
     def _remove(self, place: _Place, keep: int) -> None:
-        """All parts of what is plugged in but the first so many."""
+        """Remove the kernel objects of a place's device, except the first `keep`."""
         while len(place.parts) > keep:
             self._kernel.remove(place.parts.pop())

@@ -1,6 +1,6 @@
-"""Messages of simulated stations: real ones, with a few fields changed where they stand among the bits.
+"""Messages of simulated stations: recorded examples, with a few fields replaced.
 
-No codec is needed for that: in UPER a field stays where it is as long as what stands before it keeps its size.
+No codec is needed: in UPER, a field keeps its bit position as long as the fields before it keep their size.
 """
 
 from drivers.message import Position
@@ -21,13 +21,15 @@ _DENM = bytes.fromhex(
     "0480600c"
 )
 
-# Bits from the start, and width. Both begin with ItsPduHeader: 8 protocolVersion, 8 messageID, 32 stationID.
+# Fields by their first bit and width. Both messages begin with ItsPduHeader: 8 bits protocolVersion, 8 messageID,
+# 32 stationID.
 _STATION = (16, 32)
-# CAM: 16 generationDeltaTime; extension, 2 optional; extension, 8 stationType; referencePosition.
+# CAM: 16 bits generationDeltaTime; extension bit, 2 presence bits; extension bit, 8 stationType; referencePosition.
 _CAM_TIME = (48, 16)
 _CAM_LATITUDE = (76, 31)
 _CAM_LONGITUDE = (107, 32)
-# DENM: 3 optional; extension, 5 optional; actionID, detectionTime, referenceTime, eventPosition (no termination).
+# DENM: 3 presence bits; extension bit, 5 presence bits; actionID, detectionTime, referenceTime, eventPosition
+# (termination is absent).
 _DENM_STATION = (57, 32)
 _DENM_SEQUENCE = (89, 16)
 _DENM_DETECTION = (105, 42)
@@ -37,7 +39,7 @@ _DENM_LONGITUDE = (220, 32)
 
 
 def cam(station_id: int, its_ms: int, position: Position) -> bytes:
-    """A CAM of a passenger car at a place and an ITS time in ms."""
+    """Return a CAM of a passenger car at a position and an ITS time in ms."""
     return _patched(
         _CAM,
         (_STATION, station_id),
@@ -48,7 +50,10 @@ def cam(station_id: int, its_ms: int, position: Position) -> bytes:
 
 
 def denm(station_id: int, its_ms: int, position: Position, sequence: int) -> bytes:
-    """A DENM about roadworks at a place, detected at an ITS time in ms; sequence counts the station's events."""
+    """Return a DENM about roadworks at a position, detected at an ITS time in ms.
+
+    sequence  number of the event, counted by the station.
+    """
     return _patched(
         _DENM,
         (_STATION, station_id),

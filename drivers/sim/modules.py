@@ -1,38 +1,41 @@
-"""What sits in the slots of a simulated board, by the ids that belong there: each boots when it is supplied."""
+"""Modules in the slots of a simulated board; each boots when its supply comes."""
 
 import os
 import time
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from board.address import address
-from board.free_udp import free_udp
-from board.loop import Loop, Timer
-from board.time import GPS_EPOCH, GPS_LEAPS, leap_seconds
+from board.runtime.address import address
+from board.runtime.free_udp import free_udp
+from board.runtime.loop import Loop, Timer
+from board.time.scales import GPS_EPOCH, GPS_LEAPS, leap_seconds
 from drivers.sim.machine import SimulatedDevice, SimulatedInterface, SimulatedMachine
-from drivers.sim.neighbours import NeighboursOptions
-from drivers.sim.radio import VARIABLE, Control
+from drivers.sim.options import NeighboursOptions
+from drivers.sim.radio.control import VARIABLE, Control
 
-# Vendor and product. The SOM301-E is a network on USB; its ids are not public: these are those of Linux' own gadget.
+# Vendor and product. The SOM301-E is a USB network device with unpublished ids; these are the ids of Linux's gadget.
 RECEIVER, RADIO, MODEM = "1546:01a9", "0525:a4a2", "1e0e:9001"
 
-# From power to USB, s. A radio and a modem of flesh and blood take 30 and 18: nobody who tries a demo waits for that.
+# Seconds from power to USB. A real radio takes 30 s, a real modem 18 s; that is too long for a demo.
 RADIO_BOOT_S, MODEM_BOOT_S = 0.2, 1.0
 
 
-class Module(NamedTuple):
-    """One that sits somewhere.
+class SimulatedModule(NamedTuple):
+    """Simulated module in a slot.
 
-    plays     the simulator, for who wants to give it trouble.
-    supplied  tells it that its supply has come or gone.
+    plays     its simulator, for faults.
+    supplied  callback for changes of its supply.
     """
 
     plays: Any
     supplied: Callable[[bool], None]
 
 
-class Place(NamedTuple):
-    """The USB port of a slot; air: where simulated stations are heard and hear."""
+class SlotPort(NamedTuple):
+    """USB port of a slot.
+
+    air  addresses of the simulated stations that the radio hears; None: none.
+    """
 
     machine: SimulatedMachine
     usb: str
@@ -45,11 +48,11 @@ class Place(NamedTuple):
         self.machine.unplug(self.usb)
 
 
-def receiver(loop: Loop, place: Place) -> Module:
-    """A ZED-F9P that drives around a block, now."""
-    from drivers.sim.receiver import Receiver
-    from drivers.sim.receiver_habits import Habits
-    from drivers.wire.gnss_time import Leap
+def receiver(loop: Loop, place: SlotPort) -> SimulatedModule:
+    """Create a ZED-F9P that drives around a block and has the current time."""
+    from drivers.sim.receiver.habits import Habits
+    from drivers.sim.receiver.receiver import Receiver
+    from drivers.wire.gnss.time import Leap
 
     def appeared(path: str) -> None:
         port = SimulatedInterface(0, "cdc_acm", path)
@@ -59,26 +62,26 @@ def receiver(loop: Loop, place: Place) -> Module:
     leap = Leap(GPS_LEAPS + leap_seconds(now))
     habits = Habits(gps_s=int(now) - GPS_EPOCH + leap.seconds, fraction_s=now % 1.0, leap=leap)
     made = Receiver(loop, habits, appeared=appeared, vanished=place.unplug)
-    return Module(made, made.power)
+    return SimulatedModule(made, made.power)
 
 
-def modem(loop: Loop, place: Place) -> Module:
-    """A SIM8202G-M2 in a city."""
-    from drivers.sim.modem import SimulatedModem
+def modem(loop: Loop, place: SlotPort) -> SimulatedModule:
+    """Create a SIM8202G-M2 with the network of a city."""
+    from drivers.sim.modem.modem import SimulatedModem
 
     made = SimulatedModem(loop, place.plug, place.unplug)
     made.boot_s = MODEM_BOOT_S
-    return Module(made, made.supplied)
+    return SimulatedModule(made, made.supplied)
 
 
-def radio(loop: Loop, place: Place) -> Module:
-    """A SOM301-E."""
+def radio(loop: Loop, place: SlotPort) -> SimulatedModule:
+    """Create a SOM301-E."""
     made = Radio(loop, place)
-    return Module(made, made.supplied)
+    return SimulatedModule(made, made.supplied)
 
 
-def stranger(loop: Loop, place: Place) -> Module:
-    """What belongs into no slot."""
+def stranger(loop: Loop, place: SlotPort) -> SimulatedModule:
+    """Create a module that belongs in no slot."""
     boot: list[Timer] = []
 
     def supplied(on: bool) -> None:
@@ -89,18 +92,20 @@ def stranger(loop: Loop, place: Place) -> Module:
             timer.cancel()
         place.unplug()
 
-    return Module(None, supplied)
+    return SimulatedModule(None, supplied)
 
 
 class Radio:
-    """For the kernel a network device. What it hears and says comes and goes by the library of drivers/sim/radio, which
-    runs in a process of the driver's, reads its settings from the environment and is told more at its control port.
+    """SOM301-E. The kernel sees a network device. Its messages come and go by the library of drivers/sim/radio.
 
-    settings  that the environment must have: those that it has already are of who runs the program.
-    control   address of that port.
+    A process of the driver runs that library. The library reads its settings from the environment, and receives more at
+    its control port.
+
+    settings  value of the environment variable; a value that the user has set takes precedence.
+    control   address of the control port.
     """
 
-    def __init__(self, loop: Loop, place: Place) -> None:
+    def __init__(self, loop: Loop, place: SlotPort) -> None:
         self._loop = loop
         self._place = place
         self._boot: Timer | None = None
@@ -120,7 +125,7 @@ class Radio:
             self._place.unplug()
 
     def say(self, words: str) -> None:
-        """Tell the library something; nobody hears it while no driver has it loaded."""
+        """Send settings to the library; they are lost while no driver has loaded it."""
         Control(self.control).say(words)
 
     def _booted(self) -> None:
@@ -128,4 +133,4 @@ class Radio:
         self._place.plug(SimulatedDevice("0525", "a4a2", (network,), "Unex", "SOM301-E"))
 
 
-MODULES: Mapping[str, Callable[[Loop, Place], Module]] = {RECEIVER: receiver, RADIO: radio, MODEM: modem}
+MODULES: Mapping[str, Callable[[Loop, SlotPort], SimulatedModule]] = {RECEIVER: receiver, RADIO: radio, MODEM: modem}

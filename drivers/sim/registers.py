@@ -1,6 +1,7 @@
-"""Chips on I2C as their data sheets have them, register by register: what the code of board/chips talks to.
+"""Simulated I2C chips: their registers, as in the data sheets.
 
-A chip is written to and read from in one transaction. What it holds outlives whoever talks to it: held() and hold().
+A transaction writes to a chip and then reads from it. The functions held() and hold() save and restore the registers,
+so that they survive the process that talks to the chip.
 """
 
 import errno
@@ -12,31 +13,31 @@ from typing import Protocol
 
 
 class Chip(Protocol):
-    """One address on a bus."""
+    """Chip at an address of a bus."""
 
     def transfer(self, write: bytes, read: int) -> bytes:
-        """Raises OSError(EREMOTEIO) when it does not answer."""
+        """Write, then read. Raises OSError(EREMOTEIO) if the chip does not answer."""
 
     def held(self) -> bytes:
-        """What it holds, for hold() of another run."""
+        """Return the state of the chip, for hold() in another process."""
 
     def hold(self, octets: bytes) -> None: ...
 
 
 class Expander:
-    """PCA9555. Pins that nobody drives are pulled up, as its 100 kohm do.
+    """PCA9555. Undriven pins are high, because of its 100 kohm pull-ups.
 
-    outside  levels that something outside forces upon a pin, also upon one that is driven: a short.
+    outside  levels that an external source forces on pins, also on driven ones (a short).
     """
 
     def __init__(self) -> None:
         self.outside: dict[int, bool] = {}
-        self.registers = bytearray((0, 0, 0xFF, 0xFF, 0, 0, 0xFF, 0xFF))  # at power-on
+        self.registers = bytearray((0, 0, 0xFF, 0xFF, 0, 0, 0xFF, 0xFF))  # values at power-on
         self._command = 0
 
     @property
     def levels(self) -> list[bool]:
-        """What is measured at each of the sixteen pins."""
+        """Levels at the sixteen pins."""
         latches, inputs = struct.unpack("<2xH2xH", self.registers)
         return [self.outside.get(pin, bool((latches | inputs) >> pin & 1)) for pin in range(16)]
 
@@ -44,9 +45,9 @@ class Expander:
         if write:
             self._command = write[0] & 7
         for octet in write[1:]:
-            if self._command > 1:  # inputs cannot be written
+            if self._command > 1:  # input registers are read-only
                 self.registers[self._command] = octet
-            self._command ^= 1  # from one register of a pair to the other
+            self._command ^= 1  # the next access is to the other register of the pair
         found = bytearray()
         for _ in range(read):
             found.append(self._fetch(self._command))
@@ -67,7 +68,7 @@ class Expander:
 
 
 class Words:
-    """A chip of 16-bit registers, big-endian, behind a pointer."""
+    """Chip with 16-bit big-endian registers, which a pointer register selects."""
 
     def __init__(self, at_power_on: dict[int, int]) -> None:
         self.registers = dict(at_power_on)
@@ -98,7 +99,7 @@ class Ina(Words):
     """INA219, INA226 or INA3221 between a supply and a load.
 
     loads      volts and amperes of each channel.
-    shunt_ohm  of each channel.
+    shunt_ohm  shunt resistance of each channel.
     """
 
     def __init__(self, kind: str, shunt_ohm: Sequence[float]) -> None:
@@ -115,7 +116,7 @@ class Ina(Words):
             case "ina3221", 0xFF:
                 return 0x3220
             case "ina226", 0x06:
-                return 1 << 3  # a conversion is ready
+                return 1 << 3  # the flag "conversion ready" is set
             case "ina3221", 0x0F:
                 return 1
         if not 1 <= register <= 2 * len(self.loads):
@@ -140,7 +141,7 @@ class Ina(Words):
 
 
 class Tmp102(Words):
-    """TMP102 in a place of so many degrees Celsius."""
+    """TMP102 at a temperature in degrees Celsius."""
 
     def __init__(self) -> None:
         super().__init__({1: 0x60A0, 2: 75 << 8, 3: 80 << 8})
@@ -149,16 +150,16 @@ class Tmp102(Words):
     def fetch(self, register: int) -> int:
         if register != 0:
             return super().fetch(register)
-        if self.registers[1] & 1 << 4:  # extended mode: 13 bits, and the last of the word says so
+        if self.registers[1] & 1 << 4:  # extended mode: 13 bits; the last bit of the word is set
             return (_signed(self.celsius * 16, 0xFFF) << 3 & 0xFFFF) | 1
         return _signed(self.celsius * 16, 0x7FF) << 4 & 0xFFFF
 
 
 class Eeprom:
-    """24C32.
+    """EEPROM 24C32.
 
-    busy          transactions that it does not answer after a write.
-    is_protected  by its pin WP: it acknowledges what is written, and keeps what it has.
+    busy          number of transactions without answer after a write.
+    is_protected  state of pin WP: True acknowledges writes and discards their data.
     """
 
     SIZE = 4096
@@ -172,6 +173,10 @@ class Eeprom:
         self._address = 0
 
     def transfer(self, write: bytes, read: int) -> bytes:
+        """Write, then read a number of octets.
+
+        Raises OSError(EREMOTEIO) while a page is being written: a 24C32 does not answer in that time.
+        """
         if self._unanswered:
             self._unanswered -= 1
             raise OSError(errno.EREMOTEIO, os.strerror(errno.EREMOTEIO))
@@ -194,11 +199,11 @@ class Eeprom:
         page = self._address - self._address % self.PAGE
         for place, octet in enumerate(octets, self._address):
             if not self.is_protected:
-                self.memory[page + place % self.PAGE] = octet  # beyond its end a page begins anew
+                self.memory[page + place % self.PAGE] = octet  # the address wraps at the end of the page
 
 
 def hat_image(vendor: str, product: str, product_id: int, product_ver: int, uuid: str) -> bytes:
-    """The ID EEPROM of a HAT, with its vendor atom alone.
+    """Return the ID EEPROM of a HAT, with only a vendor atom.
 
     Source: Raspberry Pi HAT ID EEPROM format specification, version 1.
     """
@@ -211,7 +216,7 @@ def hat_image(vendor: str, product: str, product_id: int, product_ver: int, uuid
 
 
 def _crc(octets: bytes) -> int:
-    """The specification's CRC as a shift register that the bits of each octet enter, the lowest first."""
+    """Return the specification's CRC, computed by a shift register. The bits of each octet enter it lowest first."""
     register = 0
     bits = [octet >> bit & 1 for octet in (*octets, 0, 0) for bit in range(8)]
     for bit in bits:

@@ -1,16 +1,16 @@
-"""The other end of a serial line: a pty whose path an interface opens as its serial port."""
+"""Simulated far end of a serial line: a pty that an interface opens as its serial port."""
 
-from board.loop import Loop
+from board.runtime.loop import Loop
 from drivers.sim.tty_end import TtyEnd
 from drivers.wire.serial_frame import Event, SerialFrames, encode
 
-KEPT = 1 << 24  # octets that wait for who does not read
+KEPT = 1 << 24  # octets that are kept for a reader that does not read
 
 
 class SerialLine:
-    """A station at the other end: it says PDUs, hears frames, and can be unplugged.
+    """Station at the far end: it sends PDUs, records received frames, and can be unplugged.
 
-    reads  False: it takes nothing from the line, which is full some 4 KiB later.
+    reads  False: it does not read the line, which is full after about 4 KiB.
     """
 
     def __init__(self, loop: Loop, reads: bool = True) -> None:
@@ -26,15 +26,15 @@ class SerialLine:
         self.say_octets(encode(port, pdu))
 
     def say_octets(self, octets: bytes) -> None:
-        """Send any octets, as many as the line takes now and the rest as it empties."""
+        """Send octets: at once as many as the line takes, the rest when it can take more."""
         self._end.say(octets)
 
     def listen(self) -> None:
-        """Read from now on."""
+        """Start to read the line."""
         self._end.listen()
 
     def unplug(self) -> None:
-        """The port disappears; idempotent."""
+        """Remove the port; idempotent."""
         self._end.close()
 
     def _hear(self, octets: bytes) -> None:

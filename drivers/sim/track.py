@@ -1,15 +1,15 @@
-"""A drive: along points at a speed, round and round."""
+"""Closed track: a vehicle drives along points at a constant speed."""
 
 from bisect import bisect_right
 from itertools import accumulate, pairwise
 from math import atan2, cos, degrees, hypot, radians
 from typing import NamedTuple
 
-METRES = 111_319.5  # of a degree of latitude; of one of longitude at the equator
+METRES = 111_319.5  # metres per degree of latitude, and per degree of longitude at the equator
 
 
 class Point(NamedTuple):
-    """Degrees, WGS84; metres above the ellipsoid."""
+    """Position in degrees, WGS84; altitude in metres above the ellipsoid."""
 
     latitude: float
     longitude: float
@@ -17,7 +17,7 @@ class Point(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Where a vehicle is and how it moves: 1e-7 degree, mm, mm/s, 1e-5 degree from north."""
+    """Position and motion of a vehicle: 1e-7 degree, mm, mm/s; heading in 1e-5 degree from north."""
 
     latitude: int
     longitude: int
@@ -26,7 +26,7 @@ class Motion(NamedTuple):
     heading: int
 
 
-# Once around a block in Ingolstadt, 1.1 km.
+# Lap around a block in Ingolstadt, 1.1 km.
 BLOCK = (
     Point(48.7668616, 11.4320680, 420.0),
     Point(48.7692000, 11.4331000, 421.0),
@@ -36,7 +36,7 @@ BLOCK = (
 
 
 class Track:
-    """A way along points, closed: behind the last comes the first. One point stands still."""
+    """Closed track along points: the first follows the last. With one point, the vehicle is stationary."""
 
     def __init__(self, points: tuple[Point, ...] = BLOCK, speed_m_s: float = 13.9) -> None:
         self._points = [*points, points[0]]
@@ -46,11 +46,11 @@ class Track:
 
     @property
     def length_m(self) -> float:
-        """Once around."""
+        """Length of a lap."""
         return self._starts[-1]
 
     def at(self, seconds: float) -> Motion:
-        """So long after the start."""
+        """Return position and motion at a time after the start."""
         way = seconds * self._speed % self.length_m if self.length_m else 0.0
         leg = min(bisect_right(self._starts, way) - 1, len(self._points) - 2)
         one, other = self._points[leg], self._points[leg + 1]
@@ -71,6 +71,6 @@ def _between(one: float, other: float, part: float) -> float:
 
 
 def _metres(one: Point, other: Point) -> tuple[float, float]:
-    """North and east."""
+    """Return the distances to the north and to the east."""
     east = (other.longitude - one.longitude) * cos(radians(one.latitude))
     return (other.latitude - one.latitude) * METRES, east * METRES

@@ -1,8 +1,8 @@
-"""Trouble for a simulated board, by words: what goes wrong with a module or with the buses begins, and ends.
+"""Faults of a simulated board, begun and ended by commands on a socket.
 
-What somebody may do by hand on a real one, and what modules do by themselves. A datagram `begin cellular garbage` or
-`end cellular garbage` at the Unix socket TROUBLE in the board's folder has it done, and is answered: `ok`, or why not.
-A real board has no such socket: nothing but drivers/sim/board.py opens it.
+They imitate manual interventions on a real board, and faults of modules. Commands are datagrams such as `begin cellular
+garbage` or `end cellular garbage` to the Unix socket TROUBLE in the board's folder. The answer is `ok` or the error.
+A real board has no such socket: only drivers/sim/board.py opens it.
 """
 
 import errno
@@ -14,41 +14,41 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from board.description import Hardware
-from board.errors import RequestError
-from board.loop import Loop, Timer
+from board.runtime.errors import RequestError
+from board.runtime.loop import Loop, Timer
 from drivers.sim.chips import Fault, World
-from drivers.sim.modem_network import Access
-from drivers.sim.modules import MODEM, RADIO, RECEIVER, Module, Place, stranger
+from drivers.sim.modem.network import Access
+from drivers.sim.modules import MODEM, RADIO, RECEIVER, SimulatedModule, SlotPort, stranger
 
 TROUBLE = "trouble"
-LONGEST = 200  # octets of a datagram
+LONGEST = 200  # octets of a command; longer datagrams are truncated
 
-BABBLE_S = 0.1  # between two pieces of garbage
-BABBLE = 100  # octets of one
-FLAP_S = 3.0  # between two crashes: long enough to be seen in between
-SEED = 20  # garbage is the same in every run
+BABBLE_S = 0.1  # interval of pieces of garbage
+BABBLE = 100  # octets of a piece
+FLAP_S = 3.0  # interval of crashes, long enough for the module to be seen in between
+SEED = 20  # fixed, so that garbage is the same in every run
 
-STUCK_S = 1.0  # the kernel's own patience with a bus that is held
-HELD_S = 4.0  # longer than whoever asks has patience with the worker
+STUCK_S = 1.0  # timeout of the kernel for a blocked bus
+HELD_S = 4.0  # above the timeout of calls to the worker
 
 JUMP = 9_000_000  # 1e-7 degree: 100 km to the north
 
-BOARD = "board"  # stands in a slot's place for what is none
+BOARD = "board"  # name for faults of the board, in place of a slot
 
 
 class Bench(Protocol):
-    """As much of a simulated board as this needs."""
+    """Part of a simulated board that the faults use."""
 
-    modules: dict[str, Module]
+    modules: dict[str, SimulatedModule]
     world: World
 
     def unplug(self, slot: str) -> None: ...
-    def plug(self, slot: str, other: Callable[[Loop, Place], Module] | None = None) -> None: ...
+    def plug(self, slot: str, other: Callable[[Loop, SlotPort], SimulatedModule] | None = None) -> None: ...
 
 
 @dataclass
 class Seat:
-    """A slot, or the board: where something goes wrong."""
+    """Place of a fault: a slot, or the board."""
 
     loop: Loop
     bench: Bench
@@ -59,7 +59,7 @@ class Seat:
 
     @property
     def plays(self) -> Any:
-        """The module's simulator."""
+        """Simulator of the module in the slot."""
         return self.bench.modules[self.name].plays
 
 
@@ -91,7 +91,7 @@ def _say(words: str) -> Act:
 
 
 def _again(what: Act, every_s: float) -> Trouble:
-    """Something that is done again and again."""
+    """Return a fault that repeats an action periodically."""
 
     def begin(seat: Seat) -> None:
         what(seat)
@@ -109,7 +109,7 @@ def _garbage(seat: Seat) -> None:
 
 
 def _crash(seat: Seat) -> None:
-    """It leaves USB, and boots where it has its supply."""
+    """Make the module leave USB and boot again, if its supply is on."""
     seat.bench.unplug(seat.name)
     seat.bench.plug(seat.name)
 
@@ -128,7 +128,7 @@ def _card(is_there: bool) -> Act:
 
 
 def _chips(fault: Fault | None, *tables: str) -> Act:
-    """All chips of tables of the board file fail, or no more."""
+    """Return the action that begins or ends a fault of all chips in tables of the board file."""
 
     def act(seat: Seat) -> None:
         for bus, address in _addresses(seat.hardware, tables):
@@ -149,7 +149,7 @@ NACK = Fault(errno.EREMOTEIO)
 STUCK = Fault(errno.ETIMEDOUT, seconds=STUCK_S)
 HELD = Fault(errno.ETIMEDOUT, seconds=HELD_S)
 
-# Of every module that can be pulled out.
+# Faults of every module.
 _OF_ALL = {
     "unplugged": Trouble(lambda seat: seat.bench.unplug(seat.name), lambda seat: seat.bench.plug(seat.name)),
     "crash": Trouble(_crash),
@@ -158,7 +158,7 @@ _OF_ALL = {
 }
 _GARBAGE = {"garbage": _again(_garbage, BABBLE_S)}
 
-# By what belongs in the slot, as in drivers/sim/modules.py.
+# Faults by the first id of the slot, as in drivers/sim/modules.py.
 TROUBLES: Mapping[str, Mapping[str, Trouble]] = {
     RECEIVER: {
         **_OF_ALL,
@@ -182,7 +182,7 @@ TROUBLES: Mapping[str, Mapping[str, Trouble]] = {
     RADIO: {
         **_OF_ALL,
         "away": Trouble(_say("down=1"), _say("down=0")),
-        "library": Trouble(_say("crash=1")),  # its process ends
+        "library": Trouble(_say("crash=1")),  # the library's process ends
         "hanging": Trouble(_say("hang=tx"), _say("hang=none")),
     },
     BOARD: {
@@ -195,29 +195,32 @@ TROUBLES: Mapping[str, Mapping[str, Trouble]] = {
 
 
 class Troubles:
-    """What can go wrong with one board."""
+    """Available faults of one board."""
 
     def __init__(self, loop: Loop, bench: Bench, hardware: Hardware) -> None:
         self._seats = {name: Seat(loop, bench, hardware, name) for name in (*hardware.slots, BOARD)}
         self._kinds = {name: slot.ids[0] for name, slot in hardware.slots.items() if slot.ids} | {BOARD: BOARD}
 
     def words(self, where: str) -> Mapping[str, Trouble]:
-        """What can go wrong in a slot, or with the board."""
+        """Return the faults of a slot, or of the board, by name."""
         return TROUBLES.get(self._kinds.get(where, ""), {})
 
     def obey(self, text: str) -> None:
-        """`begin SLOT WORD` or `end SLOT WORD`. Raises RequestError."""
+        """Execute the command `begin SLOT WORD` or `end SLOT WORD`.
+
+        Raises RequestError for another form, and for a fault that the slot does not have.
+        """
         match text.split():
             case [("begin" | "end") as verb, where, word] if word in self.words(where):
                 trouble = self.words(where)[word]
                 (trouble.begin if verb == "begin" else trouble.end)(self._seats[where])
             case _:
                 every = "; ".join(f"{name}: {', '.join(self.words(name))}" for name in self._seats if self.words(name))
-                raise RequestError(f"{text!r} is no trouble", f"begin or end, then one of {every}")
+                raise RequestError(f"unknown trouble: {text!r}", f"begin or end, then one of {every}")
 
 
 class Door:
-    """The socket; a Source."""
+    """Socket for the commands; a Source of the loop."""
 
     def __init__(self, loop: Loop, folder: Path, troubles: Troubles) -> None:
         self._loop = loop
@@ -239,11 +242,11 @@ class Door:
         if sender:
             try:
                 self._socket.sendto(answer.encode(), sender)
-            except OSError:  # whoever asked has gone
+            except OSError:  # the sender of the command has gone
                 return
 
     def close(self) -> None:
-        """Idempotent."""
+        """Close the socket; idempotent."""
         if self.fileno() >= 0:
             self._loop.remove(self)
             self._socket.close()

@@ -1,4 +1,4 @@
-"""The module's own end of a tty that an interface opens: a pty, or the tty of a USB gadget."""
+"""Module's end of a tty that an interface opens: a pty, or the tty of a USB gadget."""
 
 import os
 import pty
@@ -7,27 +7,27 @@ import tty
 from collections.abc import Callable
 from contextlib import suppress
 
-from board.loop import READ, WRITE, Loop, Timer
+from board.runtime.loop import READ, WRITE, Loop, Timer
 
 BATCH = 4096
-REOPEN_S = 1.0  # between two tries to open the tty of a gadget whose host has gone
+REOPEN_S = 1.0  # interval of attempts to open the tty of a gadget whose host has gone
 
 
 class TtyEnd:
-    """Octets in by a call; octets out as somebody reads.
+    """Module's end of a tty: passes received octets to a callback, and sends octets when the reader takes them.
 
-    path  that an interface opens; empty while there is none.
+    path  path that an interface opens; empty while closed.
     """
 
     def __init__(
         self, loop: Loop, heard: Callable[[bytes], None], gadget: str = "", kept: int = 0, reads: bool = True
     ) -> None:
-        """Opens nothing.
+        """Store the settings; open() opens the tty.
 
-        heard   is given what comes in.
-        gadget  path of the tty that is used in place of a pty: /dev/ttyGS0, whose far end the kernel has as ttyACM0.
-        kept    octets that wait for who does not read; what is said beyond is lost.
-        reads   False: it takes nothing from the line, which is full some 4 KiB later.
+        heard   called with received octets.
+        gadget  path of a tty in place of a pty: /dev/ttyGS0, whose far end the kernel has as ttyACM0.
+        kept    octets that are kept for a reader that does not read; further octets are lost.
+        reads   False: it does not read the line, which is full after about 4 KiB.
         """
         self.path = ""
         self._loop = loop
@@ -46,25 +46,25 @@ class TtyEnd:
 
     @property
     def speed(self) -> int:
-        """Rate that whoever has opened a pty has set, one of termios."""
+        """Baud rate that the program at the far end of the pty has set, as a constant of termios."""
         return int(termios.tcgetattr(self._far)[5])
 
     def open(self) -> None:
-        """Appear; the path of a pty is another one each time. A gadget's tty is opened as soon as it is there."""
+        """Create the tty. A pty has another path each time. A gadget's tty is opened as soon as it exists."""
         if self._is_wanted:
             return
         self._is_wanted = True
         if self._gadget:
             self._open_gadget()
             return
-        # The far end stays open: a pty whose far end nobody has open reports a hang-up.
+        # The far end stays open here, because a pty with a closed far end reports a hang-up.
         self._end, self._far = pty.openpty()
         tty.setraw(self._far)
         os.set_blocking(self._end, False)
         self._opened(os.ttyname(self._far))
 
     def close(self) -> None:
-        """Disappear, with what was not read; idempotent."""
+        """Close the tty and discard unread octets; idempotent."""
         self._is_wanted = False
         self._waiting = b""
         if self._timer is not None:
@@ -72,7 +72,7 @@ class TtyEnd:
         self._shut()
 
     def say(self, octets: bytes) -> None:
-        """Send, as far as the line takes it now, the rest as it empties."""
+        """Send octets: at once as many as the line takes, the rest when it can take more."""
         if not self._is_wanted:
             return
         self._waiting += octets
@@ -81,7 +81,7 @@ class TtyEnd:
         self._want()
 
     def listen(self) -> None:
-        """Read from now on."""
+        """Start to read the line."""
         self._reads = True
         self._want()
 
@@ -100,7 +100,7 @@ class TtyEnd:
             octets = os.read(self._end, BATCH)
         except BlockingIOError:
             return
-        except OSError:  # of a gadget: its host has gone
+        except OSError:  # the host of a gadget has gone
             octets = b""
         if octets:
             self._heard(octets)
@@ -110,7 +110,7 @@ class TtyEnd:
 
     def _write(self) -> None:
         if self.is_open:
-            with suppress(OSError):  # full, or the host of a gadget has gone: reading tells
+            with suppress(OSError):  # the line is full, or the host of a gadget has gone, which reading detects
                 self._waiting = self._waiting[os.write(self._end, self._waiting) :]
 
     def _want(self) -> None:

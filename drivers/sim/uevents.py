@@ -1,4 +1,4 @@
-"""The kernel's side of uevents on a simulated machine: the same octets, to everyone who listens."""
+"""Uevents of a simulated machine: sends the kernel's octets to all listeners."""
 
 import socket
 from contextlib import suppress
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 class UeventSender:
-    """Tells all listeners of a path. Needs no loop: who has connected is taken in at the next message."""
+    """Sends uevents to all listeners of a socket, without a loop: each message first accepts new connections."""
 
     def __init__(self, path: Path) -> None:
         self.path = str(path)
@@ -17,7 +17,7 @@ class UeventSender:
         self._door.listen(16)
 
     def send(self, action: str, devpath: str, subsystem: str, /, **properties: str) -> None:
-        """One message to each. Who has not read so many that none more can wait is hung up on, and knows by that."""
+        """Send a message to each listener. A listener with a full queue is disconnected, which it notices."""
         self._number += 1
         said = {"ACTION": action, "DEVPATH": devpath, "SUBSYSTEM": subsystem, **properties, "SEQNUM": str(self._number)}
         octets = "\0".join([f"{action}@{devpath}", *(f"{key}={value}" for key, value in said.items()), ""]).encode()
@@ -25,12 +25,12 @@ class UeventSender:
         for listener in tuple(self._listeners):
             try:
                 listener.send(octets)
-            except OSError:  # EAGAIN: too slow; EPIPE: gone
+            except OSError:  # EAGAIN: its queue is full; EPIPE: it has gone
                 self._listeners.remove(listener)
                 listener.close()
 
     def close(self) -> None:
-        """Hang up on everyone; idempotent."""
+        """Disconnect all listeners; idempotent."""
         for each in (self._door, *self._listeners):
             each.close()
         self._listeners.clear()

@@ -1,4 +1,4 @@
-"""USB devices as Linux shows them: hubs with ports, devices, their interfaces, and what drivers make of those."""
+"""USB devices as Linux shows them: hubs with ports, devices, interfaces, and the devices of interfaces' drivers."""
 
 import itertools
 from collections import defaultdict
@@ -9,14 +9,15 @@ from typing import NamedTuple
 from board.topology import Topology
 from drivers.sim.kobjects import Kobject, Kobjects
 
-# As on a Pi 4, whose USB sockets are those of a VL805 on PCI Express.
+# As on a Pi 4, where a VL805 on PCI Express has the USB sockets.
 CONTROLLER = "devices/platform/scb/fd500000.pcie/pci0000:00/0000:00:00.0/0000:01:00.0"
 
 
 class DriverKind(NamedTuple):
-    """What a driver of the kernel makes of an interface.
+    """Devices that a kernel driver creates for an interface.
 
-    kind  bInterfaceClass; tty  prefix and major number of its serial port.
+    kind  bInterfaceClass.
+    tty   prefix and major number of its serial port.
     """
 
     kind: int
@@ -26,7 +27,7 @@ class DriverKind(NamedTuple):
 
 
 DRIVERS = {
-    "": DriverKind(0xFF),  # none is bound
+    "": DriverKind(0xFF),  # no driver is bound
     "option": DriverKind(0xFF, tty=("ttyUSB", 188)),
     "cdc_acm": DriverKind(0x02, tty=("ttyACM", 166)),
     "qmi_wwan": DriverKind(0xFF, has_network=True, has_control=True),
@@ -37,11 +38,11 @@ DRIVERS = {
 
 
 class SimulatedInterface(NamedTuple):
-    """One function of a simulated device.
+    """Interface of a simulated USB device.
 
     number  bInterfaceNumber.
-    driver  of DRIVERS.
-    target  what plays it: path of a pty for a serial port, name of its network device.
+    driver  key of DRIVERS.
+    target  simulator of the interface: path of a pty for a serial port, or name of a network device.
     """
 
     number: int
@@ -50,7 +51,7 @@ class SimulatedInterface(NamedTuple):
 
 
 class SimulatedDevice(NamedTuple):
-    """What a module plugs in: vendor and product are four hexadecimal digits."""
+    """USB device that a module plugs in; vendor and product are four hexadecimal digits."""
 
     vendor: str
     product: str
@@ -61,7 +62,7 @@ class SimulatedDevice(NamedTuple):
 
 
 class UsbTree:
-    """The devices of one bus."""
+    """USB devices of one bus."""
 
     def __init__(self, kernel: Kobjects) -> None:
         self._kernel = kernel
@@ -69,7 +70,7 @@ class UsbTree:
         self._names: defaultdict[str, Iterator[int]] = defaultdict(itertools.count)
 
     def plant(self, hub: Topology, ports: int) -> dict[Topology, Path]:
-        """The root hub, the hubs on the way, and the hub itself; returns the folders of its ports."""
+        """Create the root hub, the hubs above, and the hub itself; return the folders of its ports."""
         above = [Topology(hub.bus, hub.ports[:level]) for level in range(1, len(hub.ports) + 1)]
         self._hub(f"usb{hub.bus}", self._bus(hub), f"{hub.bus}-0:1.0", hub.ports[0])
         for one, below in zip(above, (*hub.ports[1:], ports), strict=True):
@@ -78,16 +79,16 @@ class UsbTree:
         return {port: interface / f"{hub}-port{port.port}" for port in own}
 
     def enumerate(self, place: Topology, device: SimulatedDevice) -> Kobject:
-        """The device, without its interfaces."""
+        """Create a device without its interfaces."""
         return self._device(str(place), self._folder(place), place.bus, device, "00")
 
     def configure(self, one: Kobject, device: SimulatedDevice) -> Iterator[Kobject]:
-        """Its interfaces, each with what its driver makes of it, in the order they are made."""
+        """Create the interfaces of a device, with the devices of their drivers; yield them in order of creation."""
         for interface in device.interfaces:
             yield from self._interface(one.folder, interface)
 
     def _hub(self, name: str, folder: Path, interface: str, ports: int) -> Path:
-        """A hub with its ports; returns the folder of its interface, which holds those."""
+        """Create a hub with its ports; return the folder of its interface, which contains the ports."""
         device = SimulatedDevice("1d6b", "0002", (), "Linux Foundation", "simulated hub")
         self._device(name, folder, int(interface.partition("-")[0]), device, "09")
         attributes = {"bInterfaceNumber": "00", "bInterfaceClass": "09"}
@@ -143,10 +144,10 @@ class UsbTree:
             self._kernel.bind(made, interface.driver)
 
     def _tty(self, folder: Path, prefix: str, major: int, target: str) -> Iterator[Kobject]:
-        # No number comes twice: the kernel's grow like that while somebody holds the old port open.
+        # No number is used twice. The kernel does the same while a program keeps the old port open.
         number = next(self._names[prefix])
         name = f"{prefix}{number}"
-        if prefix == "ttyUSB":  # usb-serial has a bus of its own between
+        if prefix == "ttyUSB":  # usb-serial has a bus of its own between interface and tty
             folder = folder / name
             yield self._kernel.add(folder, "usb-serial", {}, f"bus/usb-serial/devices/{name}")
         properties = {"MAJOR": str(major), "MINOR": str(number)}

@@ -1,4 +1,4 @@
-"""The serving cell: every form of `+CPSI:` that firmware of the SIM82xx gives, as one report.
+"""Serving cell: one report from all forms of `+CPSI:` of the SIM82xx.
 
     +CPSI: NO SERVICE,Online
     +CPSI: LTE,<mode>,<MCC>-<MNC>,<TAC>,<cell>,<PCI>,<band>,<EARFCN>,<dlbw>,<ulbw>,<RSRQ>,<RSRP>,<RSSI>,<RSSNR>
@@ -11,9 +11,12 @@
     +CPSI: NR5G,<mode>,<MCC>-<MNC>,<TAC>,<cell>,<PCI>,<ARFCN>,<RSRP>,<RSRQ>,<SNR>
     +CPSI: NOT IN EN-DC CONNECTED MODE                                                a second line, after LTE
 
-Three traps. Whether a line is of a stand-alone cell says its second field, a word or a number, and not the count of
-fields. RSRQ and RSRP change places. RSRP and RSRQ are tenths, or whole, as the firmware likes: an RSRP below -140 dBm
-cannot be whole (27.007 clause 8.69 ends there); the SNR keeps the scale of its own line.
+Three traps:
+1. The number of columns does not distinguish an SA cell from an NR leg. The second column does: the mode (a word) or
+   the PCI (a number).
+2. The order of RSRQ and RSRP differs between the forms.
+3. RSRP and RSRQ are in tenths or in whole units, depending on the firmware. An RSRP below -140 dBm must be in tenths,
+   because the range ends there (27.007 clause 8.69). The SNR has a fixed scale per form of the line.
 
 Source: SIMCom AT command manual of the SIM82xx V1.02 and of the SIM8200 V1.00.01 (clause 4.2.14).
 """
@@ -22,32 +25,32 @@ from collections.abc import Iterable
 from enum import Enum
 from typing import NamedTuple
 
-from board.errors import ProtocolError
-from drivers.wire.at_fields import fields, number_or_none
+from board.runtime.errors import ProtocolError
+from drivers.wire.at.fields import fields, number_or_none
 
 PREFIX = "+CPSI"
 
-# By <dlbw> and <ulbw> of LTE.
+# Bandwidths of LTE; <dlbw> and <ulbw> are the index.
 LTE_BANDWIDTHS_KHZ = (1400, 3000, 5000, 10000, 15000, 20000)
 
-WEAKEST_DBM = -140  # that RSRP can have
+WEAKEST_DBM = -140  # lower end of the range of RSRP
 
 _NO_LEG = "NOT IN EN-DC CONNECTED MODE"
 
 
 class Access(Enum):
-    """The radio access that serves."""
+    """Radio access technology of the serving cell."""
 
     NONE = "no service"
     GSM = "gsm"
     WCDMA = "wcdma"
     LTE = "lte"
-    NSA = "5g-nsa"  # LTE with an NR leg: EN-DC
+    NSA = "5g-nsa"  # LTE with an NR leg (EN-DC)
     SA = "5g-sa"
 
 
 class Strength(NamedTuple):
-    """How a cell is received; None where the modem does not say."""
+    """Signal strength and quality of a cell; None for values that the modem does not report."""
 
     rsrp_dbm: float | None = None
     rsrq_db: float | None = None
@@ -56,7 +59,11 @@ class Strength(NamedTuple):
 
 
 class Leg(NamedTuple):
-    """The NR cell of EN-DC. channel is its NR-ARFCN."""
+    """NR cell of an EN-DC connection (5G NSA).
+
+    physical_cell  PCI.
+    channel        NR-ARFCN.
+    """
 
     physical_cell: int | None
     band: str
@@ -65,14 +72,15 @@ class Leg(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """What serves.
+    """Serving cell.
 
-    mode           of the modem: Online, Offline, Low Power Mode, Factory Test Mode, Reset.
+    mode           operating mode of the modem: Online, Offline, Low Power Mode, Factory Test Mode, Reset.
     plmn           MCC-MNC; 01 and 001 are different networks.
-    area           tracking or location area code.
-    cell           identity in its network. physical_cell: PCI, or PSC of WCDMA.
+    area           tracking area code or location area code.
+    cell           cell identity in its network.
+    physical_cell  PCI; PSC in WCDMA.
     channel        EARFCN, NR-ARFCN or UARFCN.
-    downlink_khz, uplink_khz  bandwidths, of LTE.
+    downlink_khz, uplink_khz  bandwidths; LTE only.
     leg            NR cell beside an LTE cell.
     """
 
@@ -91,7 +99,11 @@ class Cell(NamedTuple):
 
 
 def cell_report(lines: Iterable[str]) -> Cell:
-    """The cell of all lines that answer AT+CPSI?. Raises ProtocolError."""
+    """Return the serving cell from all lines that answer AT+CPSI?.
+
+    Raises ProtocolError for no serving cell, two serving cells, an NR leg beside a cell other than LTE, and missing
+    columns.
+    """
     cell: Cell | None = None
     leg: Leg | None = None
     for line in lines:
@@ -107,12 +119,12 @@ def cell_report(lines: Iterable[str]) -> Cell:
     if leg is None:
         return cell
     if cell.access is not Access.LTE:
-        raise ProtocolError(f"an NR leg beside a cell of {cell.access.value}")
+        raise ProtocolError(f"5G NR (EN-DC) beside a serving cell of {cell.access.value}; only LTE can have it")
     return cell._replace(access=Access.NSA, leg=leg)
 
 
 def _line(line: str) -> Cell | Leg | None:
-    """One line; None where it says that there is no leg."""
+    """Parse one line; return None for the report that an NR leg is absent."""
     columns = fields(line, PREFIX)
     match columns[0]:
         case "NO SERVICE":
@@ -129,11 +141,11 @@ def _line(line: str) -> Cell | Leg | None:
         case name if name == _NO_LEG:
             return None
         case name:
-            raise ProtocolError(f"{line[:80]!r}: {name[:20]!r} is no radio access that is known")
+            raise ProtocolError(f"{line[:80]!r}: unknown radio access: {name[:20]!r}")
 
 
 def _common(access: Access, columns: list[str], line: str) -> Cell:
-    """The columns that every stand-alone cell begins with."""
+    """Parse the columns that are the same for every serving cell."""
     _at_least(5, columns, line)
     return Cell(
         access,
@@ -160,7 +172,7 @@ def _lte(columns: list[str], line: str) -> Cell:
 
 def _stand_alone(columns: list[str], line: str) -> Cell:
     cell = _common(Access.SA, columns, line)
-    is_old = columns[0] == "NR5G"  # no column for the band, and a whole SNR
+    is_old = columns[0] == "NR5G"  # this form has no column for the band, and its SNR is in whole dB
     _at_least(10 if is_old else 11, columns, line)
     rest = columns[5:6] + ([""] if is_old else []) + columns[6:]
     rsrp, rsrq, snr = (number_or_none(text, line) for text in rest[3:6])
@@ -187,7 +199,7 @@ def _leg(columns: list[str], line: str) -> Leg:
 
 
 def _wcdma(columns: list[str], line: str) -> Cell:
-    """Without strengths: the manual gives RSCP and Ec/Io no unit."""
+    """Parse a WCDMA cell, without signal strengths: the manual gives no unit for RSCP and Ec/Io."""
     _at_least(8, columns, line)
     return _common(Access.WCDMA, columns, line)._replace(
         band=columns[5],
@@ -208,7 +220,7 @@ def _at_least(count: int, columns: list[str], line: str) -> None:
 def _plmn(text: str, line: str) -> str:
     mcc, _, mnc = text.partition("-")
     if not (mcc.isdecimal() and mnc.isdecimal() and len(mcc) == 3 and 2 <= len(mnc) <= 3):
-        raise ProtocolError(f"{line[:80]!r}: {text[:20]!r} is no MCC-MNC")
+        raise ProtocolError(f"{line[:80]!r}: invalid MCC-MNC: {text[:20]!r}")
     return text
 
 

@@ -1,9 +1,10 @@
-"""Editions of a PDU, by its ITS PDU header and by the values that they decode to."""
+"""Editions of a PDU: finds them by its ITS PDU header, and compares the values that they decode."""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Protocol, TypeVar
 
-# Names that captain.toml may give: the router checks them without the message library, which is for workers.
+# Edition names that captain.toml accepts. The list is here because the router checks them and must not load the
+# message library; only workers load it.
 NAMES = (
     "cam-1.3.2", "cam-1.4.1", "cam-2.1.1", "cam-2.3.1", "cam-2.3.1-ext", "cpm-2.1.1", "cpm-2.1.1-ext", "cpm-tr-2.1.1",
     "denm-1.2.2", "denm-1.3.1", "denm-2.2.1", "denm-2.2.1-ext", "denm-2.3.1", "denm-2.3.1-ext", "ev_rsr-1.1.1",
@@ -14,7 +15,7 @@ NAMES = (
 
 
 class Announced(Protocol):
-    """A message of one edition, by the ITS PDU header."""
+    """Message of one edition, with the messageIDs (ids) and protocolVersions (versions) of its ITS PDU headers."""
 
     @property
     def ids(self) -> Sequence[int]: ...
@@ -23,7 +24,7 @@ class Announced(Protocol):
 
 
 class Readable(Announced, Protocol):
-    """A message of one edition, in the message library. asn1/README.md describes leaves() and form_of."""
+    """Message of one edition in the message library. asn1/guide/python-functions.md describes leaves()."""
 
     @property
     def name(self) -> str: ...
@@ -39,11 +40,11 @@ class Readable(Announced, Protocol):
 
 
 class Leaves(NamedTuple):
-    """Values that an edition decodes.
+    """Values that an edition decodes from a PDU.
 
-    values   without field names.
-    unknown  number of parts that it does not know.
-    is_read  False where it reads nothing; then the values are equal to those of no other edition.
+    values   encoded values, without field names.
+    unknown  number of parts that the edition does not know.
+    is_read  False if the edition cannot decode the PDU; values then differ from those of every other edition.
     """
 
     values: bytes
@@ -56,7 +57,7 @@ Known = TypeVar("Known", bound=Announced)
 
 
 def of_header(messages: Iterable[Known], octets: bytes) -> list[Known]:
-    """Return those whose messageID and protocolVersion the header has."""
+    """Return the messages that have the messageID and protocolVersion of the header of a PDU."""
     if len(octets) < 2:
         return []
     version, number = octets[0], octets[1]
@@ -64,13 +65,14 @@ def of_header(messages: Iterable[Known], octets: bytes) -> list[Known]:
 
 
 def compared(messages: Sequence[One], octets: bytes) -> tuple[list[One], tuple[One, ...]]:
-    """Order editions that give the same octets back, and return those that decode to other values than the first.
+    """Sort editions that re-encode a PDU to the same octets, and find those that decode other values than the first.
 
-    messages  by preference.
+    messages  editions in order of preference.
 
-    Of the first one's type, the edition that knows most parts of the message comes first. An edition that knows fewer
-    is not reported: its senders cannot encode those parts. Limit: if no edition knows every part, the one that knows
-    most is taken, though the sender's may extend another one.
+    Returns all editions, best first, and those with other values. Editions of the same type as the first one come
+    first; among them, the one that knows most parts of the message. An edition that knows fewer parts is not reported:
+    its senders cannot encode those parts. Limit: if no edition knows every part, the one that knows most comes first,
+    though the sender may have used another edition.
     """
     messages = _settled(messages, octets)
     if len(messages) < 2:
@@ -88,14 +90,14 @@ def _knows_less(one: Leaves, first: Leaves) -> bool:
 
 
 def are_forms(one: Readable, other: Readable) -> bool:
-    """Return whether they are the two forms of one message."""
+    """Return True if both are forms of one message (for example cam-2.3.1 and cam-2.3.1-ext)."""
     return one.name != other.name and (one.form_of or one.name) == (other.form_of or other.name)
 
 
 def _settled(messages: Sequence[One], octets: bytes) -> list[One]:
-    """Order the two forms of one message: the one that keeps every constraint comes first.
+    """Sort the two forms of one message: a form whose constraints all hold comes first.
 
-    If both decode to the same values, only the first is left.
+    If both forms decode the same values, only the first one remains.
     """
     left = list(messages)
     for one in messages:
@@ -109,7 +111,7 @@ def _settled(messages: Sequence[One], octets: bytes) -> list[One]:
 
 
 def is_valid(message: Readable, octets: bytes) -> bool:
-    """Return whether octets keep every constraint of the standard."""
+    """Return True if the octets satisfy every constraint of the standard."""
     try:
         message.validate(octets)
     except (ValueError, MemoryError):
@@ -125,6 +127,6 @@ def leaves(message: Readable, octets: bytes) -> Leaves:
 
 
 def names(messages: Iterable[Readable], word: str = "and") -> str:
-    """Return their names for a sentence: "cam-1.4.1, cam-2.1.1 and cam-2.3.1"."""
+    """Return the names of messages for a sentence: "cam-1.4.1, cam-2.1.1 and cam-2.3.1"."""
     *most, last = [one.name for one in messages]
     return f"{', '.join(most)} {word} {last}" if most else last

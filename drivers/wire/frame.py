@@ -1,17 +1,17 @@
-"""The Ethernet frame around a GeoNetworking packet: destination, source, EtherType 0x8947 (IEEE registry)."""
+"""Ethernet frame of a GeoNetworking packet: destination, source, EtherType 0x8947 (IEEE registry)."""
 
 from typing import NamedTuple
 
 from drivers.reason import Reason
 
-HEADER = 14  # octets
+HEADER = 14  # octets of the Ethernet header
 BROADCAST = b"\xff" * 6
 
 _ETHERTYPE = b"\x89\x47"
 
 
 class Ethernet(NamedTuple):
-    """A frame taken apart; packet begins with the GeoNetworking basic header."""
+    """Parsed Ethernet frame; packet begins with the GeoNetworking basic header."""
 
     destination: bytes
     source: bytes
@@ -19,12 +19,12 @@ class Ethernet(NamedTuple):
 
 
 def wrap(source: bytes, packet: bytes, destination: bytes = BROADCAST) -> bytes:
-    """The frame of a packet, without a checksum: the link adds it. Addresses have 6 octets."""
+    """Return the Ethernet frame of a packet, without checksum: the link appends it. Addresses have 6 octets."""
     return destination + source + _ETHERTYPE + packet
 
 
 def unwrap(frame: bytes) -> Ethernet | Reason:
-    """The parts of a frame, or why it has none: TRUNCATED or NOT_GEONETWORKING."""
+    """Parse an Ethernet frame; return TRUNCATED or NOT_GEONETWORKING if it is invalid."""
     if len(frame) < HEADER:
         return Reason.TRUNCATED
     if frame[12:14] != _ETHERTYPE:

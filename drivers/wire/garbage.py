@@ -1,16 +1,18 @@
-"""What on a line is in no frame: counted as it is passed over, and told in one piece with how it began."""
+"""Counter of garbage: octets outside of frames. Reports each run once, with its first octets."""
 
 from typing import NamedTuple
 
 from drivers.reason import Reason
 
-SAMPLE = 64  # octets of it that are kept to be shown
+SAMPLE = 64  # first octets of a run that are kept for the report
 
 
 class Garbage(NamedTuple):
-    """Octets that are no frame: FRAMING between two frames, CHECKSUM where one was damaged.
+    """Run of octets that belong to no valid frame.
 
-    sample  begins as they did. octets counts them all.
+    reason  FRAMING for octets between two frames, CHECKSUM for a damaged frame.
+    sample  first octets of the run, at most SAMPLE.
+    octets  length of the whole run.
     """
 
     reason: Reason
@@ -19,26 +21,24 @@ class Garbage(NamedTuple):
 
 
 class Passed:
-    """Octets that were passed over since the last time that they were told.
+    """Counter of octets that were skipped since the last report.
 
-    octets  so many. reason: why; whoever finds a better one than FRAMING sets it.
+    octets  number of skipped octets.
+    reason  FRAMING, unless the parser sets a more specific one.
     """
 
     def __init__(self) -> None:
-        self._begin()
+        self.reason, self._sample, self.octets = Reason.FRAMING, b"", 0
 
     def add(self, buffer: bytearray, start: int, end: int) -> None:
-        """Pass over a stretch of a buffer."""
+        """Count the octets buffer[start:end] as skipped."""
         room = SAMPLE - len(self._sample)
         if room > 0:
             self._sample += buffer[start : min(end, start + room)]
         self.octets += end - start
 
     def take(self) -> list[Garbage]:
-        """What was passed over, where anything was; counting begins anew."""
+        """Return the skipped octets as one Garbage, or an empty list without any; reset the counter."""
         told = [Garbage(self.reason, bytes(self._sample), self.octets)] if self.octets else []
-        self._begin()
-        return told
-
-    def _begin(self) -> None:
         self.reason, self._sample, self.octets = Reason.FRAMING, b"", 0
+        return told

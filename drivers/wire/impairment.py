@@ -1,7 +1,7 @@
-"""What a bad way does to frames: loss, bursts of it, delay, jitter, reordering, copies, bit errors; counted each.
+"""Impairments of a lossy link: loss, bursts, delay, jitter, reordering, copies, bit errors.
 
-The same seed, frames and settings give the same fate of every frame, whenever they come. Each kind of trouble has
-random numbers of its own: with a delay added, the same frames are lost.
+The outcome is reproducible: the same seed, frames and settings have the same result, whatever the times of arrival.
+Each kind of impairment has its own random numbers. An added delay therefore does not change which frames are lost.
 """
 
 from collections.abc import Iterator
@@ -11,24 +11,25 @@ from math import log, log1p
 from random import Random
 from typing import Generic, NamedTuple, TypeVar
 
-from board.errors import ConfigurationError
+from board.runtime.errors import ConfigurationError
 
 T = TypeVar("T")
 
-# Frames on their way: 5 s of two full channels. A user who asks for more delay than that has the rest counted.
+# Limit of frames in transit: 5 s of two full channels. With a longer delay, further frames count as overflow.
 MOST_WAITING = 20_000
-NEVER = 2.0**62  # bits until one is wrong
+NEVER = 2.0**62  # bits until the next bit error
 SHARES = ("loss", "reorder", "duplicate", "bit_errors")
 TIMES = ("delay_s", "jitter_s", "reorder_s")
 
 
 class Burst(NamedTuple):
-    """Gilbert and Elliott's channel of two states, which changes, if it does, before each frame.
+    """Gilbert-Elliott channel: two states, with a possible change of state before each frame.
 
-    to_bad, to_good  chance of a change of the state.
-    bad, good        chance of a loss in the state.
+    to_bad, to_good  probability of a change to that state.
+    bad, good        probability of a loss in that state.
 
-    It is in the bad state for a share of to_bad / (to_bad + to_good), for 1 / to_good frames at a time.
+    The channel is in the bad state for a share of to_bad / (to_bad + to_good) of all frames, on average for 1 / to_good
+    frames in a row.
     Source: E. O. Elliott, Estimates of error rates for codes on burst-noise channels, 1963; the four numbers are
     p, r, 1 - h and 1 - k of `tc netem loss gemodel`.
     """
@@ -41,15 +42,17 @@ class Burst(NamedTuple):
 
 @dataclass(frozen=True)
 class Impairments:
-    """What shall happen to frames; by default nothing. Shares are 0 ... 1.
+    """Settings of a lossy link; the defaults change nothing. Shares are 0 ... 1.
 
-    loss        this share is lost, each frame by itself.
-    burst       lost besides, many in a row.
-    delay_s     each comes so much later.
-    jitter_s    up to so much later still, evenly spread. It changes no order: who is overtaken waits.
-    reorder     this share is held back for reorder_s, and what comes meanwhile overtakes it.
-    duplicate   this share comes twice.
-    bit_errors  this share of all bits is wrong.
+    loss        share of frames that are lost, each independently.
+    burst       additional losses of many frames in a row.
+    delay_s     delay of every frame.
+    jitter_s    additional random delay, uniform from 0 to this. It keeps the order: a frame waits for those before it.
+    reorder     share of frames that are delayed by reorder_s more; later frames overtake them.
+    duplicate   share of frames that arrive twice.
+    bit_errors  share of all bits that are inverted.
+
+    Raises ConfigurationError for a share outside 0 ... 1, and for a time outside 0 ... 3600 s.
     """
 
     loss: float = 0.0
@@ -67,7 +70,7 @@ class Impairments:
         shares |= {f"burst.{name}": value for name, value in (self.burst._asdict() if self.burst else {}).items()}
         for name, value in shares.items():
             if not 0.0 <= value <= 1.0:
-                raise ConfigurationError(f"{name}: {value:g} is no share", "0 is none of all, 1 is all")
+                raise ConfigurationError(f"{name}: share out of range: {value:g}", "a share is 0 to 1")
         for name in TIMES:
             if not 0.0 <= getattr(self, name) <= 3600.0:
                 raise ConfigurationError(f"{name}: {getattr(self, name):g} s is not in 0 ... 3600")
@@ -75,14 +78,16 @@ class Impairments:
 
 @dataclass
 class Counts:
-    """Frames. taken + duplicated = lost + burst_lost + overflow + given + those on their way.
+    """Numbers of frames. taken + duplicated = lost + burst_lost + overflow + given + frames still in transit.
 
-    lost         by loss. burst_lost: by the burst.
-    overflow     more were on their way than is kept.
-    given        came out, copies among them.
+    lost         lost by the setting loss.
+    burst_lost   lost by the setting burst.
+    overflow     dropped because the queue of frames in transit was full.
+    given        delivered, copies included.
     duplicated   copies made.
-    overtaken    came out after one that was taken later (a reordered packet of RFC 4737 clause 3).
-    wrong        came in with bit errors; wrong_bits: of all of them.
+    overtaken    delivered after a frame that was taken later (a reordered packet of RFC 4737 clause 3).
+    wrong        frames with bit errors that were not lost.
+    wrong_bits   inverted bits in those frames.
     """
 
     taken: int = 0
@@ -97,14 +102,14 @@ class Counts:
 
 
 class Given(NamedTuple, Generic[T]):
-    """A frame at the end of the way; about is what was said of it at its beginning."""
+    """Delivered frame; about is what the caller passed to take() with it."""
 
     octets: bytes
     about: T
 
 
 class _Waiting(NamedTuple, Generic[T]):
-    """On its way: the first two decide whose turn it is."""
+    """Frame in transit. The heap sorts by due, then by place."""
 
     due: float
     place: int
@@ -113,7 +118,7 @@ class _Waiting(NamedTuple, Generic[T]):
 
 
 class Impairment(Generic[T]):
-    """A way: take() what goes in, due() what comes out; now is any clock that never goes back, in seconds."""
+    """Lossy link: take() accepts frames, due() delivers them. now is in seconds of any monotonic clock."""
 
     def __init__(self, wanted: Impairments, most_waiting: int = MOST_WAITING) -> None:
         self.counts = Counts()
@@ -131,10 +136,10 @@ class Impairment(Generic[T]):
         self._until_wrong = self._next_wrong()
 
     def take(self, octets: bytes, now: float, about: T) -> None:
-        """A frame goes in."""
+        """Accept a frame: lose it, or put it and a possible copy in transit."""
         wanted, counts = self._wanted, self.counts
         counts.taken += 1
-        # Each draws for every frame, lost or not: what one kind of trouble does is not moved by another.
+        # Every kind of impairment draws its random numbers for each frame, lost or not. So no kind changes another one.
         is_lost, is_burst_lost = self._hits(self._loss, wanted.loss), self._is_burst_lost()
         is_copied, is_held = self._hits(self._copy, wanted.duplicate), self._hits(self._order, wanted.reorder)
         octets = self._with_errors(octets, is_lost or is_burst_lost)
@@ -153,7 +158,7 @@ class Impairment(Generic[T]):
                 self._wait(due, Given(octets, about))
 
     def due(self, now: float) -> Iterator[Given[T]]:
-        """The frames that have come out by now, in their order."""
+        """Yield the frames that are due by now, in order of delivery."""
         counts = self.counts
         while self._waiting and self._waiting[0].due <= now:
             one = heappop(self._waiting)
@@ -163,12 +168,12 @@ class Impairment(Generic[T]):
             yield one.given
 
     def deadline(self) -> float | None:
-        """When the next comes out; None while none is on its way."""
+        """Return the time when the next frame is due; None without a frame in transit."""
         return self._waiting[0].due if self._waiting else None
 
     @property
     def waiting(self) -> int:
-        """Frames on their way."""
+        """Number of frames in transit."""
         return len(self._waiting)
 
     def _wait(self, due: float, given: Given[T]) -> None:
@@ -190,7 +195,7 @@ class Impairment(Generic[T]):
         return share > 0.0 and chance.random() < share
 
     def _with_errors(self, octets: bytes, is_lost: bool) -> bytes:
-        """A lost frame has its errors too, which nobody sees."""
+        """Return the octets with bit errors. A lost frame uses up random numbers too, but is not counted."""
         if self._wanted.bit_errors == 0.0:
             return octets
         bits, wrong, flipped = len(octets) * 8, bytearray(octets), 0
@@ -205,7 +210,10 @@ class Impairment(Generic[T]):
         return bytes(wrong)
 
     def _next_wrong(self) -> int:
-        """Right bits until the next wrong one: the geometric distribution, one random number an error."""
+        """Draw the number of correct bits before the next bit error, from the geometric distribution.
+
+        One random number per error suffices.
+        """
         share = self._wanted.bit_errors
         if not 0.0 < share < 1.0:
             return 0

@@ -1,9 +1,9 @@
-"""PDUs in Morse code: hexadecimal digits between prosigns, with a checksum, timed as ITU-R M.1677-1 says.
+"""PDUs in Morse code: hexadecimal digits between prosigns, with a checksum, timed by ITU-R M.1677-1.
 
-    KA (start)   the PDU, two digits an octet   four digits of CRC-16/XMODEM over it   AR (end)
+    KA (start)   the PDU, two digits per octet   four digits of CRC-16/XMODEM over the PDU   AR (end)
 
-A dot lasts one unit, a dash three; one unit of silence stands inside a letter, three between letters. A message is
-the list of its durations: sound and silence in turn, sound first and last.
+A dot lasts one unit, a dash three. One unit of silence separates the signs of a letter, three units separate letters.
+A message is a list of durations: sound and silence alternate, and sound is first and last.
 """
 
 import binascii
@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from drivers.reason import Reason
 
 START, END = "-.-.-", ".-.-."
-START_UNITS = 15  # of KA: three dashes, two dots, four silences
+START_UNITS = 15  # length of KA: three dashes, two dots, four silences
 DIGITS = {
     "0": "-----", "1": ".----", "2": "..---", "3": "...--", "4": "....-", "5": ".....", "6": "-....", "7": "--...",
     "8": "---..", "9": "----.", "A": ".-", "B": "-...", "C": "-.-.", "D": "-..", "E": ".", "F": "..-.",
@@ -22,23 +22,24 @@ DIGITS = {
 LETTERS = {code: digit for digit, code in DIGITS.items()}
 UNITS = {".": 1, "-": 3}
 
-MAX_PDU = 128  # octets: longer than most CAMs, and a minute of sound at 20 ms a dot
-MOST_DURATIONS = 2_700  # of a message: 2 * (128 + 2) digits of at most five signs and as many silences
+MAX_PDU = 128  # octets: longer than most CAMs; takes a minute of sound at 20 ms per dot
+MOST_DURATIONS = 2_700  # longest message: 2 * (128 + 2) digits with at most five signs, and a silence after each
 
-# Sound is 8-bit unsigned mono. The tone's period is 8 samples: it starts and ends at a crossing, without a click.
+# Sound is 8-bit unsigned mono. A period of the tone has 8 samples. Tones start and end at a zero crossing, to avoid
+# clicks.
 RATE = 8000  # samples per second
 PERIOD = bytes(round(128 + 100 * math.sin(math.pi * step / 4)) for step in range(8))
 SILENCE = b"\x80"
-LOUD = bytes(abs(sample - 128) > 32 for sample in range(256))  # of a sample: 1 loud, 0 not
-SLICE = 64  # durations that are made sound at once: 80 KiB at the slowest unit
-PCM = 1  # the format of samples that are not compressed
-MAX_HEADER = 1024  # octets, within which the samples begin
-HUSH = 32  # samples, 4 ms, that are not loud: longer than the tone is near zero, shorter than any unit
+LOUD = bytes(abs(sample - 128) > 32 for sample in range(256))  # translates samples: 1 for loud, 0 for silent
+SLICE = 64  # durations per slice of a WAV file: 80 KiB at the slowest unit
+PCM = 1  # WAV format of uncompressed samples
+MAX_HEADER = 1024  # octets; the samples must begin within them
+HUSH = 32  # silent samples (4 ms) that end a sound: longer than a zero crossing of the tone, shorter than any unit
 HUSHED = bytes(HUSH)
 
 
 def encode(pdu: bytes) -> list[int]:
-    """Durations in units of a PDU."""
+    """Return the durations of a PDU, in units."""
     digits = (pdu + binascii.crc_hqx(pdu, 0).to_bytes(2)).hex().upper()
     durations: list[int] = []
     for letter in [START, *(DIGITS[digit] for digit in digits), END]:
@@ -49,8 +50,11 @@ def encode(pdu: bytes) -> list[int]:
 
 
 def decode(durations: Sequence[float]) -> bytes | Reason:
-    """The PDU of durations in any unit, each up to a fifth too long or too short; or FRAMING, or CHECKSUM."""
-    limit = 1.8 * sum(durations[:9]) / START_UNITS  # between one unit and three
+    """Return the PDU of a list of durations; FRAMING or CHECKSUM if they contain no valid one.
+
+    durations  in any unit; each may be up to a fifth too long or too short.
+    """
+    limit = 1.8 * sum(durations[:9]) / START_UNITS  # threshold between durations of one unit and three units
     signs = ["-" if sound > limit else "." for sound in durations[::2]]
     gaps = [" " if silence > limit else "" for silence in durations[1::2]]
     letters = "".join(map("".join, zip(signs, [*gaps, ""], strict=False))).split()
@@ -63,7 +67,10 @@ def decode(durations: Sequence[float]) -> bytes | Reason:
 
 
 def wav(durations: Sequence[int], unit: int) -> Iterator[bytes]:
-    """A WAV file of durations with silence around them, in slices; unit is in periods of the tone, 1 ms each."""
+    """Yield slices of a WAV file that plays the durations, with silence before and after.
+
+    unit  length of a dot in periods of the tone, of 1 ms each.
+    """
     silence = SILENCE * (7 * unit * len(PERIOD))
     octets = 2 * len(silence) + sum(durations) * unit * len(PERIOD)
     form = struct.pack("<4sIHHIIHH", b"fmt ", 16, PCM, 1, RATE, RATE, 1, 8)
@@ -74,26 +81,30 @@ def wav(durations: Sequence[int], unit: int) -> Iterator[bytes]:
 
 
 def sound(durations: Sequence[int], unit: int) -> bytes:
-    """Samples of durations, sound first; unit is in periods of the tone."""
+    """Return samples of the durations, of which the first is a sound.
+
+    unit  length of a dot in periods of the tone.
+    """
     silence = SILENCE * len(PERIOD)
     return b"".join((silence if place % 2 else PERIOD) * (unit * units) for place, units in enumerate(durations))
 
 
-class Ear:
-    """What is loud and what is silent between it in a WAV file that comes in slices; in others there is no sound.
+class ToneDecoder:
+    """Measures the durations of sounds and silences in a WAV file that arrives in slices.
 
-    durations  in samples; of noise only as many as of a message.
+    A file of another format has no durations.
+    durations  in samples; at most MOST_DURATIONS, also if the file contains only noise.
     """
 
     def __init__(self) -> None:
         self.durations: list[int] = []
-        self._is_wav: bool | None = None  # not known before the first slice
+        self._is_wav: bool | None = None  # None before the first slice
         self._is_sounding = False
-        self._lasts = 0  # samples of the sound or silence that goes on
-        self._rest = b""  # of a sound: what may be the beginning of its end
+        self._lasts = 0  # samples so far of the current sound or silence
+        self._rest = b""  # last samples of a sound, which may belong to the silence that ends it
 
     def receive(self, octets: bytes) -> None:
-        """Listen to a slice; the first one has the file's whole header."""
+        """Process a slice of the file; the first slice must contain the whole header."""
         if self._is_wav is None:
             start = samples_start(octets)
             self._is_wav = start > 0
@@ -102,7 +113,7 @@ class Ear:
             self._listen(self._rest + octets.translate(LOUD))
 
     def end(self) -> list[int]:
-        """The durations; the file has ended."""
+        """Return the durations after the end of the file."""
         self.receive(SILENCE * HUSH)
         return self.durations
 
@@ -112,7 +123,7 @@ class Ear:
             turn = loud.find(HUSHED, at) if self._is_sounding else loud.find(1, at)
             if turn < 0:
                 break
-            if self._is_sounding or self.durations:  # the silence before the first sound is none of the message
+            if self._is_sounding or self.durations:  # skip the silence before the first sound
                 self.durations.append(self._lasts + turn - at)
             self._is_sounding, self._lasts, at = not self._is_sounding, 0, turn
         keep = min(HUSH - 1, len(loud) - at) if self._is_sounding else 0
@@ -121,7 +132,7 @@ class Ear:
 
 
 def samples_start(octets: bytes) -> int:
-    """Where the samples begin in a WAV file of 8 bits, mono; 0 where it is none."""
+    """Return the index of the first sample in a mono WAV file of 8 bits; 0 for other files."""
     at, is_ours = 12, False
     if octets[:4] != b"RIFF" or octets[8:12] != b"WAVE":
         return 0

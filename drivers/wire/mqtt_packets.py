@@ -1,4 +1,4 @@
-"""Where the packets of an MQTT stream begin and end: only whole ones of a bearable size reach the client library.
+"""Packets of an MQTT stream: passes on whole ones of a bounded size.
 
 Source: MQTT 5.0, clauses 2.1 (fixed header) and 3.3 (PUBLISH); the same in 3.1.1.
 """
@@ -6,12 +6,12 @@ Source: MQTT 5.0, clauses 2.1 (fixed header) and 3.3 (PUBLISH); the same in 3.1.
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from board.errors import ProtocolError
+from board.runtime.errors import ProtocolError
 
 CONNACK, PUBLISH = 2, 3
 MAX_LENGTH_OCTETS = 4
 
-# Of the first octet: the type, and the bit that qualities of service 2 and 3 (which is none) have.
+# Bits of the first octet: the packet type, and the bit that is set for QoS 2 and for the invalid QoS 3.
 _KIND_AND_QOS_2, _PUBLISH_QOS_2 = 0xF4, 0x34
 
 # First octets of a TLS record (RFC 8446, clause 5.1): an alert or a handshake of version 3.x.
@@ -19,10 +19,10 @@ _TLS = (b"\x15\x03", b"\x16\x03")
 
 
 class Oversized(NamedTuple):
-    """A PUBLISH that is longer than the limit; its payload is not kept.
+    """PUBLISH packet that is longer than the limit; its payload is discarded.
 
-    number  that an acknowledgement names; 0 where none is wanted.
-    sample  of it, from the topic on.
+    number  packet identifier for the acknowledgement; 0 if the broker expects none.
+    sample  topic and packet identifier.
     """
 
     number: int
@@ -30,9 +30,9 @@ class Oversized(NamedTuple):
 
 
 class Packets:
-    """The broker's side of one connection whose subscriptions are all of quality of service 1 at most.
+    """Parser of the packets that a broker sends on one connection. All subscriptions have QoS 0 or 1.
 
-    limit  octets behind the fixed header that a packet may have.
+    limit  largest number of octets after the fixed header.
     """
 
     def __init__(self, limit: int) -> None:
@@ -42,7 +42,10 @@ class Packets:
         self._is_first = True
 
     def receive(self, octets: bytes) -> Iterator[bytes | Oversized]:
-        """Packets that are whole by now. Raises ProtocolError: nothing that follows can be read."""
+        """Yield the packets that the octets complete.
+
+        Raises ProtocolError for an invalid packet; the rest of the stream is then unreadable.
+        """
         if self._to_skip:
             skipped = min(self._to_skip, len(octets))
             self._to_skip -= skipped
@@ -53,7 +56,7 @@ class Packets:
         while (header := self._header(at)) is not None:
             start, length = header
             if buffer[at] & _KIND_AND_QOS_2 == _PUBLISH_QOS_2:
-                raise ProtocolError("sends a message by quality of service 2, which nobody has asked for")
+                raise ProtocolError("sends a message at QoS 2 without a subscription at QoS 2")
             if length > self._limit:
                 found = self._oversized(at, start, length)
                 if found is None:
@@ -69,7 +72,10 @@ class Packets:
         del buffer[:at]
 
     def _header(self, at: int) -> tuple[int, int] | None:
-        """Where the rest of the packet begins that begins at `at`, and its length; None: not there yet."""
+        """Parse the fixed header at `at`: return the index after it and the packet's remaining length.
+
+        Returns None while the header is incomplete. Raises ProtocolError for an invalid one.
+        """
         buffer = self._buffer
         if self._is_first and len(buffer) > 1:
             self._is_first = False
@@ -85,7 +91,7 @@ class Packets:
         raise ProtocolError("sends a packet whose length has more than 4 octets")
 
     def _oversized(self, at: int, start: int, length: int) -> Oversized | None:
-        """What is told of it, once topic and number are there."""
+        """Return the report of an oversized packet; None before its topic and packet identifier have arrived."""
         buffer = self._buffer
         if buffer[at] >> 4 != PUBLISH:
             raise ProtocolError(f"announces a packet of {length} octets that holds no message")
@@ -99,9 +105,9 @@ class Packets:
 
 
 def _check_first(octets: bytearray) -> None:
-    """A broker's first packet is a CONNACK: what sends anything else is none."""
+    """Raise ProtocolError if the first packet is not a CONNACK: then the peer is not an MQTT broker."""
     if octets[0] >> 4 == CONNACK:
         return
     if bytes(octets[:2]) in _TLS:
         raise ProtocolError("speaks TLS at this port", "write mqtts:// in url")
-    raise ProtocolError(f"answers with octets that are no MQTT: {bytes(octets[:8])!r}", "correct host and port in url")
+    raise ProtocolError(f"does not answer by MQTT: {bytes(octets[:8])!r}", "correct host and port in url")

@@ -1,20 +1,20 @@
-"""Just enough of OER (ITU-T X.696) to walk over a value whose type is known: where does it end?
+"""Walk over OER values (ITU-T X.696) of known types: finds their ends without decoding them.
 
-A walk is a callable that takes octets and the place where a value begins and gives the place where it ends.
-It may run past the last octet: an IndexError and an end beyond it both mean that the value is cut off.
+A walk is a callable. It takes octets and the index where a value begins, and returns the index where the value ends.
+It may run past the last octet: an IndexError and an end beyond the octets both mean that the value is truncated.
 """
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
-from board.errors import ProtocolError
+from board.runtime.errors import ProtocolError
 
 Walk = Callable[[bytes, int], int]
 
 
 def length(octets: bytes, at: int) -> tuple[int, int]:
-    """A length determinant (clause 8.6): the length, and where that which it counts begins."""
+    """Parse a length determinant (clause 8.6): return the length and the index of the octets that it counts."""
     first = octets[at]
     if first < 0x80:
         return first, at + 1
@@ -23,26 +23,29 @@ def length(octets: bytes, at: int) -> tuple[int, int]:
 
 
 def counted(octets: bytes, at: int) -> int:
-    """Anything with its length in front: OCTET STRING, unbounded INTEGER, UTF8String, open type."""
+    """Walk over a value with a length determinant: OCTET STRING, unbounded INTEGER, UTF8String, open type."""
     size, start = length(octets, at)
     return start + size
 
 
 def content(octets: bytes, at: int) -> bytes:
-    """The octets of anything with its length in front."""
+    """Return the octets of a value with a length determinant."""
     size, start = length(octets, at)
     return octets[start : start + size]
 
 
 def fixed(size: int) -> Walk:
-    """Anything of a known size: fixed strings, bounded INTEGERs, short ENUMERATED (1), NULL (0)."""
+    """Return the walk over a type of fixed size: fixed strings, bounded INTEGERs, short ENUMERATED (1), NULL (0)."""
     return lambda _, at: at + size
 
 
 def elements(element: Walk, octets: bytes, at: int) -> Iterator[int]:
-    """Where each element of a SEQUENCE OF begins, and at last where the whole ends (clause 17)."""
+    """Yield the index of each element of a SEQUENCE OF, and at last the index of its end (clause 17).
+
+    Raises ProtocolError for more elements than octets.
+    """
     count = int.from_bytes(content(octets, at))
-    if count > len(octets):  # each has an octet at least: a wrong count must not keep us busy
+    if count > len(octets):  # an element has at least one octet; a wrong count must not cause a long loop
         raise ProtocolError(f"OER: {count} elements in {len(octets)} octets")
     at = counted(octets, at)
     for _ in range(count):
@@ -52,12 +55,15 @@ def elements(element: Walk, octets: bytes, at: int) -> Iterator[int]:
 
 
 def sequence_of(element: Walk) -> Walk:
-    """SEQUENCE OF."""
+    """Return the walk over a SEQUENCE OF."""
     return lambda octets, at: deque(elements(element, octets, at), maxlen=1)[0]
 
 
 def choice(*alternatives: Walk, extensible: bool = False) -> Walk:
-    """CHOICE with automatic tags (clause 20): what is no root alternative is an open type, if extensible."""
+    """Return the walk over a CHOICE with automatic tags (clause 20).
+
+    extensible  alternatives beyond those given are walked over as open types.
+    """
 
     def walk(octets: bytes, at: int) -> int:
         tag = octets[at] - 0x80
@@ -71,7 +77,7 @@ def choice(*alternatives: Walk, extensible: bool = False) -> Walk:
 
 
 class Field(NamedTuple):
-    """A component of a SEQUENCE."""
+    """Component of a SEQUENCE."""
 
     name: str
     walk: Walk
@@ -79,18 +85,19 @@ class Field(NamedTuple):
 
 
 class Sequence:
-    """SEQUENCE (clause 16): a preamble of bits (additions follow? which optional ones are here?), components,
-    additions as open types. places() tells where the components begin; called, it is a walk.
+    """Walk over a SEQUENCE (clause 16): preamble, components, and additions as open types.
+
+    The preamble has one bit for "has additions", if the type is extensible, and one bit per optional component.
     """
 
     def __init__(self, *fields: Field, extensible: bool = False) -> None:
         self._fields = fields
         self._extensible = extensible
         bits = extensible + sum(field.is_optional for field in fields)
-        self._preamble = (bits + 7) // 8  # octets
+        self._preamble = (bits + 7) // 8  # octets of the preamble
 
     def places(self, octets: bytes, at: int) -> Mapping[str, int]:
-        """Where each component that is there begins, and as `end` where the whole ends."""
+        """Return the index of each component that is present, by its name, and the index of the end as `end`."""
         start = at + self._preamble
         preamble = int.from_bytes(octets[at:start])
         bit = 1 << 8 * self._preamble - 1 if self._preamble else 0
@@ -114,7 +121,7 @@ class Sequence:
 
 
 def _additions(octets: bytes, at: int) -> int:
-    """A bit string of the additions that are there, its first octet the unused bits; then each of them."""
+    """Walk over the extension additions: a bit string of those present, then each of them as an open type."""
     present = content(octets, at)[1:]
     at = counted(octets, at)
     for _ in range(int.from_bytes(present).bit_count()):

@@ -1,25 +1,25 @@
-"""RawRxMessage of module VC-Container: a received PDU with all that is known of its reception, in UPER.
+"""RawRxMessage of module VC-Container: a received PDU with the properties of its reception, in UPER.
 
-Each field in front of the payload has a fixed width, so the message is one long number: fields of whole octets are
-packed side by side, the others put in place by shifts. Its bits, first to last:
+All fields before the payload have a fixed width, so the message is handled as one large number. Fields of whole octets
+are packed together; shifts place the others. The bits, in order:
 
-    2    localInfo is here, payloadString is here
-    128  localInfo, if here: sec 32, usec 32, latitude 32, longitude 32
+    2    presence of localInfo, presence of payloadString
+    128  localInfo, if present: sec 32, usec 32, latitude 32, longitude 32
     464  sec 32, usec 32, rssi 16, dataRate 16, trafficClassID 8, remainHopLimit 8,
          security (status 2, itsAID 22, sspLen 8, ssp 256), latitude 32, longitude 32
     2    type of the area
     96   distanceA 16, distanceB 16, angle 16, sourceMacAddress 48
     11   payloadSize
-    11   octets of payloadString less 1, if here; then the payload; zeros to the next octet
+    11   number of octets of payloadString minus 1, if present; then the payload; zeros up to the next octet
 
-Signed numbers stand as their distance from the lower bound of their range.
+A signed number is encoded as its distance from the lower bound of its range.
 """
 
 import struct
 from struct import Struct
 from typing import NamedTuple
 
-from board.errors import ProtocolError
+from board.runtime.errors import ProtocolError
 from drivers.message import MAX_PDU, NOT_SECURED, Area, Position, RxInfo, Security, SecurityStatus, Shape
 
 _SIGNED_32 = 1 << 31
@@ -30,16 +30,17 @@ _MAX_SSP = 32
 _TIME_PLACE = Struct(">IIII")
 _RECEPTION = Struct(">IIHHBBI32sII")
 _AREA = Struct(">HHH6s")
-_SIZES, _SIZE = Struct(">I"), Struct(">H")  # hold 22 and 11 bits
+_SIZES, _SIZE = Struct(">I"), Struct(">H")  # the structs hold the 22 and 11 bits of sizes
 _TIME_PLACE_BITS, _RECEPTION_BITS, _AREA_BITS = 128, 464, 96
 
-# Octets of a message without localInfo: before a payload, of which 6 bits are the padding behind it, and without one.
+# Octets of a message without localInfo: those around a payload, including 6 bits of padding after it; and the size of
+# a message without payload.
 _OVERHEAD, _EMPTY = 74, 72
 _LOCAL = 16  # octets that localInfo adds
 
 
 class RawRx(NamedTuple):
-    """A RawRxMessage taken apart. rx has no BTP port and no transport, its area no centre: they are not in it."""
+    """Parsed RawRxMessage. The message has no BTP port, no transport and no area centre, so rx has none either."""
 
     pdu: bytes
     received_ns: int
@@ -48,14 +49,14 @@ class RawRx(NamedTuple):
 
 
 def build(pdu: bytes, received_ns: int, rx: RxInfo, local: tuple[int, Position] | None = None) -> bytes:
-    """The octets of a RawRxMessage. Never raises for a number out of range.
+    """Return the octets of a RawRxMessage. Never raises for a number out of range.
 
-    pdu          0 to 1500 octets; the router has refused longer ones, of which the rest would be cut off.
-    received_ns  Unix time in nanoseconds; cut to microseconds.
-    local        own time (Unix, ns) and position on reception.
+    pdu          0 to 1500 octets. Octets beyond 1500 would be cut off, but the router refuses such PDUs earlier.
+    received_ns  Unix time in nanoseconds; truncated to microseconds.
+    local        own time (Unix, ns) and position at reception.
 
-    What is not known is 0. A number beyond its range becomes the range's bound; an ITS-AID beyond its range
-    becomes 0, because the bound would name another service; an SSP of more than 32 octets is left out.
+    Unknown values are encoded as 0. A number out of range becomes the nearest bound, except an ITS-AID: it becomes 0,
+    because the bound would name another service. An SSP of more than 32 octets is left out.
     """
     pdu = pdu[:MAX_PDU]
     size = len(pdu)
@@ -75,7 +76,7 @@ def build(pdu: bytes, received_ns: int, rx: RxInfo, local: tuple[int, Position] 
 
 
 def _reception(received_ns: int, rx: RxInfo) -> int:
-    """The fields from timestamp to positionInfo."""
+    """Encode the fields from timestamp to positionInfo."""
     seconds, nanoseconds = divmod(received_ns, 1_000_000_000)
     latitude, longitude = rx.position
     word, ssp = (0, b"") if rx.security is NOT_SECURED else _security(rx.security)
@@ -95,14 +96,14 @@ def _reception(received_ns: int, rx: RxInfo) -> int:
 
 
 def _security(security: Security) -> tuple[int, bytes]:
-    """Status, ITS-AID and the length of the SSP as one number, and the SSP."""
+    """Return status, ITS-AID and length of the SSP as one number, and the SSP."""
     its_aid = security.its_aid if 0 <= security.its_aid <= _MAX_ITS_AID else 0
     ssp = security.ssp if len(security.ssp) <= _MAX_SSP else b""
     return security.status << 30 | its_aid << 8 | len(ssp), ssp
 
 
 def _area(rx: RxInfo) -> int:
-    """areaTypeInfo and sourceMacAddress."""
+    """Encode areaTypeInfo and sourceMacAddress."""
     area = rx.area
     if area is None:
         return int.from_bytes(_AREA.pack(0, 0, 0, rx.source_mac))
@@ -125,7 +126,7 @@ def _local(own_ns: int, position: Position) -> int:
 def _clamped(
     received_ns: int, rx: RxInfo, local: tuple[int, Position] | None
 ) -> tuple[int, RxInfo, tuple[int, Position] | None]:
-    """The same with every number inside its range."""
+    """Return the arguments with every number limited to its range."""
     area = rx.area
     if area is not None:
         sizes = (_clamp(number, 0, 0xFFFF) for number in (area.distance_a, area.distance_b, area.angle))
@@ -155,15 +156,16 @@ def _clamp(number: int, low: int, high: int) -> int:
 
 
 def parse(octets: bytes) -> RawRx:
-    """Take a RawRxMessage apart; octets behind it are left out.
+    """Parse a RawRxMessage; ignore octets after it.
 
-    An rssi of 0 is taken as not known. Raises ProtocolError when it ends too early, holds a number that its type
-    does not allow, or a payloadSize that is not the size of its payload.
+    An rssi of 0 means unknown. Raises ProtocolError if the message is truncated, a number is out of range, or
+    payloadSize differs from the size of the payload.
     """
     if not octets:
         raise ProtocolError("RawRxMessage: no octets")
     number = int.from_bytes(octets)
-    # What begins behind the two flags, and what begins behind the area's type, moved to the borders of octets.
+    # The fields are not aligned to octets. Shifted by the two flags, the first fields are aligned. The fields after the
+    # type of the area are aligned in `later`.
     fields, later = ((number << bits).to_bytes(len(octets) + 1)[1:] for bits in (2, 4))
     try:
         at = _LOCAL if octets[0] & 0x80 else 0
@@ -205,7 +207,7 @@ def _parse_reception(fields: bytes, at: int) -> tuple[int, RxInfo]:
 def _parse_area(area_type: int, later: bytes, at: int) -> tuple[Area | None, bytes]:
     distance_a, distance_b, angle, mac = _AREA.unpack_from(later, at)
     if area_type > Shape.ELLIPSE:
-        raise ProtocolError(f"RawRxMessage: {area_type} is no type of an area")
+        raise ProtocolError(f"RawRxMessage: unknown type of area: {area_type}")
     if not (area_type or distance_a or distance_b or angle):
         return None, mac
     return Area(Shape(area_type), Position(), distance_a, distance_b, angle), mac
@@ -216,7 +218,8 @@ def _parse_payload(fields: bytes, later: bytes, at: int) -> bytes:
     size, length = sizes >> 21, (sizes >> 10 & 0x7FF) + 1
     if size != length or size > MAX_PDU:
         raise ProtocolError(f"RawRxMessage: payloadSize is {size}, payloadString has {length} octets")
-    start = at + 3  # 22 bits later, and fields is two bits behind
+    # The payload follows 22 bits later; with the two bits between `fields` and `later`, that is 3 octets.
+    start = at + 3
     if len(fields) * 8 - 2 < (start + size) * 8:
         raise ProtocolError(f"RawRxMessage: cut off before the end of its {size} octets of payload")
     return fields[start : start + size]
@@ -225,7 +228,7 @@ def _parse_payload(fields: bytes, later: bytes, at: int) -> bytes:
 def _parse_nothing(later: bytes, at: int) -> bytes:
     (sizes,) = _SIZE.unpack_from(later, at)
     if sizes >> 5:
-        raise ProtocolError(f"RawRxMessage: payloadSize is {sizes >> 5}, but there is no payloadString")
+        raise ProtocolError(f"RawRxMessage: payloadSize is {sizes >> 5}, but payloadString is absent")
     return b""
 
 

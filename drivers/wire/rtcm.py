@@ -1,26 +1,26 @@
-"""RTCM 3 frames: corrections for differential positioning, built and checked. What is in them is for the receiver.
+"""RTCM 3 frames with corrections for differential positioning: builds and checks them, does not decode messages.
 
-    octets  0       d3: a frame begins
-            1..2    six zero bits, and the length of the message in ten
-            3..     message, 0..1023 octets; its first 12 bits are its number
-            last 3  CRC-24Q over all before
+    octets  0       d3: start of a frame
+            1..2    six zero bits, then the length of the message in ten bits
+            3..     message, 0..1023 octets; its first 12 bits are the message number
+            last 3  CRC-24Q over all octets before
 
 Source: RTCM 10403.3, clause 4.
 """
 
 from typing import NamedTuple
 
-from board.errors import ProtocolError
+from board.runtime.errors import ProtocolError
 
 PREAMBLE = b"\xd3"
-OVERHEAD = 6  # octets of a frame beside its message
+OVERHEAD = 6  # octets of a frame without its message
 MAX_MESSAGE = 1023
 
 _POLYNOMIAL = 0x1864CFB
 
 
-class Frame(NamedTuple):
-    """A frame that came over whole, with its preamble and CRC."""
+class RtcmFrame(NamedTuple):
+    """Complete RTCM frame, with its preamble and CRC."""
 
     octets: bytes
 
@@ -30,7 +30,7 @@ class Frame(NamedTuple):
 
     @property
     def number(self) -> int | None:
-        """1005, 1077, ...; None for an empty message."""
+        """Message number, such as 1005 or 1077; None for an empty message."""
         return number(self.message)
 
 
@@ -45,7 +45,7 @@ _TABLE = tuple(_row(octet) for octet in range(256))
 
 
 def crc24q(octets: bytes) -> int:
-    """CRC-24Q: polynomial 0x1864CFB, begun with zero. Of a frame with its CRC it is 0."""
+    """Return the CRC-24Q: polynomial 0x1864CFB, initial value 0. A frame including a correct CRC gives 0."""
     crc = 0
     for octet in octets:
         crc = (crc << 8 & 0xFFFFFF) ^ _TABLE[crc >> 16 ^ octet]
@@ -53,7 +53,7 @@ def crc24q(octets: bytes) -> int:
 
 
 def encode(message: bytes) -> bytes:
-    """The frame of a message. Raises ProtocolError for one that is too long."""
+    """Return the frame of a message. Raises ProtocolError for a message of more than MAX_MESSAGE octets."""
     if len(message) > MAX_MESSAGE:
         raise ProtocolError(f"an RTCM message of {len(message)} octets: it has at most {MAX_MESSAGE}")
     body = PREAMBLE + len(message).to_bytes(2) + message
@@ -61,5 +61,5 @@ def encode(message: bytes) -> bytes:
 
 
 def number(message: bytes) -> int | None:
-    """A message's number, 0..4095; None where it is too short to have one."""
+    """Return the number of a message, 0..4095; None if the message is too short."""
     return int.from_bytes(message[:2]) >> 4 if len(message) >= 2 else None

@@ -1,15 +1,15 @@
 """Envelope of a secured GeoNetworking packet: IEEE 1609.2 signed data in the profile of ETSI TS 103 097.
 
-V1.3.1 and V2.1.1 of the profile have the same octets here; security_v2.py has the envelope of V1.2.1. Nothing is
-verified, nothing decrypted. The whole value is walked over to its end, so that a truncated one is known.
+V1.3.1 and V2.1.1 of the profile have the same octets here; security_v2.py parses the envelope of V1.2.1. The module
+verifies no signature and decrypts nothing. It walks over the whole envelope to its end, to detect truncation.
 """
 
 from typing import NamedTuple
 
-from board.errors import ProtocolError
+from board.runtime.errors import ProtocolError
 from drivers.wire.oer import Field, Sequence, choice, content, counted, elements, fixed, sequence_of
 
-MAX_SSP = 32  # octets that RxSecurity can hold
+MAX_SSP = 32  # octets; limit of RxSecurity
 
 # --- Ieee1609Dot2BaseTypes (IEEE 1609.2-2022 clause 6.3.4 and following)
 _NULL = fixed(0)
@@ -38,7 +38,7 @@ _REGION = choice(
     extensible=True,
 )
 _SSP = choice(counted, extensible=True)
-_OPAQUE = 0x80  # ServiceSpecificPermissions: opaque
+_OPAQUE = 0x80  # tag of the alternative opaque in ServiceSpecificPermissions
 _PSID_SSP = Sequence(Field("psid", counted), Field("ssp", _SSP, True))
 _SSP_RANGE = choice(sequence_of(counted), _NULL, extensible=True)
 _PSID_SSP_RANGE = Sequence(Field("psid", counted), Field("range", _SSP_RANGE, True))
@@ -59,7 +59,7 @@ _TO_BE_SIGNED_CERTIFICATE = Sequence(
     Field("id", choice(_LINKAGE, counted, counted, _NULL, extensible=True)),
     Field("craca_id", fixed(3)),
     Field("crl_series", fixed(2)),
-    Field("validity", fixed(7)),  # start 4, unit 1, duration 2
+    Field("validity", fixed(7)),  # octets: start 4, unit 1, duration 2
     Field("region", _REGION, True),
     Field("assurance", fixed(1), True),
     Field("permissions", sequence_of(_PSID_SSP), True),
@@ -79,7 +79,7 @@ _CERTIFICATE = Sequence(
 )
 
 # --- signed data (clause 6.3)
-_UNSECURED = Sequence(Field("version", fixed(1)), Field("content", choice(counted)))  # nothing else is read
+_UNSECURED = Sequence(Field("version", fixed(1)), Field("content", choice(counted)))  # other content is rejected
 _PAYLOAD = Sequence(
     Field("data", _UNSECURED, True),
     Field("hash", choice(fixed(32), extensible=True), True),
@@ -95,7 +95,7 @@ _HEADER = Sequence(
     Field("encryption_key", choice(_PUBLIC_ENCRYPTION_KEY, _SYMMETRIC_KEY), True),
     extensible=True,
 )
-_CHAIN = 0x81  # SignerIdentifier: certificate
+_CHAIN = 0x81  # tag of the alternative certificate in SignerIdentifier
 _SIGNER = choice(fixed(8), sequence_of(_CERTIFICATE), _NULL, extensible=True)
 _SIGNED = Sequence(
     Field("hash", fixed(1)),
@@ -106,16 +106,16 @@ _SIGNED = Sequence(
 )
 
 _V2, _V3 = 2, 3  # protocol version, the first octet of either envelope
-_SIGNED_DATA = 0x81  # Ieee1609Dot2Content
+_SIGNED_DATA = 0x81  # tag of the alternative signedData in Ieee1609Dot2Content
 _CONTENT = {0x80: "unsecured data", 0x82: "encrypted data", 0x83: "signed certificate request"}
 
 
 class Unwrapped(NamedTuple):
-    """What a signed packet holds.
+    """Content of a signed packet.
 
-    payload  the octets that were signed: common header, extended header and what follows.
-    its_aid  the psid of the header; 0 where version 2 has none.
-    ssp      what the signer's certificate permits for this its_aid; empty with a digest, or beyond 32 octets.
+    payload  signed octets: common header, extended header and the payload after them.
+    its_aid  psid of the header; 0 if a version 2 envelope has none.
+    ssp      SSP of the signer's certificate for this its_aid; empty if only a digest is present, or above 32 octets.
     """
 
     payload: bytes
@@ -124,14 +124,15 @@ class Unwrapped(NamedTuple):
 
 
 def unwrap(octets: bytes) -> Unwrapped:
-    """Open the envelope that follows a basic header; octets behind it are left out.
+    """Parse the envelope that follows a basic header; ignore octets after it.
 
-    Raises ProtocolError when it does not hold signed data with its payload inside, or is truncated.
+    Raises ProtocolError if the content is not signed data with an embedded payload, or is truncated.
     Source: IEEE 1609.2-2022 clause 6.3, ETSI TS 103 097 V2.1.1 clause 5.2; V1.2.1 for version 2.
     """
     try:
         if octets[0] == _V2:
-            from drivers.wire.security_v2 import unwrap_v2  # rare, and half a percent of each start
+            # Imported late: rarely needed, and 0.5 % of the start-up time.
+            from drivers.wire.security_v2 import unwrap_v2
 
             payload, its_aid, ssp = unwrap_v2(octets)
         else:
@@ -152,12 +153,12 @@ def _unwrap_v3(octets: bytes) -> tuple[bytes, int, bytes]:
     data = _PAYLOAD.places(octets, signed["payload"]).get("data")
     if data is None:
         raise ProtocolError("security: external payload, of which the envelope has the hash only")
-    its_aid = int.from_bytes(content(octets, signed["header"] + 1))  # one octet of preamble
+    its_aid = int.from_bytes(content(octets, signed["header"] + 1))  # the psid follows one octet of preamble
     return content(octets, data + 2), its_aid, _ssp(octets, signed["signer"], its_aid)
 
 
 def _ssp(octets: bytes, signer: int, its_aid: int) -> bytes:
-    """What the first certificate of a signer permits for an ITS-AID."""
+    """Return the SSP of the signer's first certificate for an ITS-AID; empty without one."""
     if octets[signer] != _CHAIN:
         return b""
     first, *others = elements(_CERTIFICATE, octets, signer + 1)
@@ -176,6 +177,6 @@ def _ssp(octets: bytes, signer: int, its_aid: int) -> bytes:
 
 
 def _permission(octets: bytes, at: int) -> bytes:
-    """ServiceSpecificPermissions: opaque, or bitmapSsp inside an open type."""
+    """Return ServiceSpecificPermissions: opaque, or bitmapSsp inside an open type."""
     value = content(octets, at + 1)
     return value if octets[at] == _OPAQUE else content(value, 0)

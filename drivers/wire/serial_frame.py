@@ -1,28 +1,28 @@
-"""PDUs on a serial line: where each begins and ends, and whether it came over whole.
+"""Framing of PDUs on a serial line: start word, length, port, PDU, CRC-32.
 
-    octets  0..1    56 32 ("V2"): a frame begins
-            2..3    length of what stands between here and the checksum: 2..1502, big-endian
-            4..5    BTP port, big-endian; 0 where the sender names none
+    octets  0..1    56 32 ("V2"): start of a frame
+            2..3    length of port and PDU: 2..1502, big-endian
+            4..5    BTP port, big-endian; 0 if the sender gives none
             6..     PDU, 0..1500 octets
             last 4  CRC-32 of ISO 3309 (as of Ethernet and zip) over length, port and PDU, big-endian
 
-The receiver finds the next frame after any garbage: it looks for 56 32, and where length or checksum disagree it goes
-on looking right behind them. Nothing is escaped, so a frame costs 10 octets whatever is in it.
+The receiver finds the next frame after any garbage. It searches for 56 32. If length or checksum are wrong, the search
+continues directly after these two octets. No octets are escaped, so a frame always has 10 octets of overhead.
 """
 
 import binascii
 from struct import Struct
 from typing import NamedTuple
 
-from board.errors import RequestError
+from board.runtime.errors import RequestError
 from drivers.message import MAX_PDU
 from drivers.reason import Reason
 from drivers.wire.garbage import Garbage, Passed
 
 SYNC = b"V2"
-OVERHEAD = 10  # octets of a frame beside its PDU
+OVERHEAD = 10  # octets of a frame without its PDU
 
-# Silence inside a frame after which its end is not waited for: a USB adapter hands octets over every 16 ms.
+# A frame is given up after this silence. A USB adapter delivers octets every 16 ms.
 GAP_S = 0.1
 
 _HEADER = Struct(">HH")
@@ -31,7 +31,7 @@ _SHORTEST, _LONGEST = 2, 2 + MAX_PDU
 
 
 class Frame(NamedTuple):
-    """A PDU came over whole; port 0 says nothing."""
+    """Complete frame; port 0 means that the sender gave none."""
 
     port: int
     pdu: bytes
@@ -41,7 +41,7 @@ Event = Frame | Garbage
 
 
 def encode(port: int, pdu: bytes) -> bytes:
-    """The frame of a PDU of at most 1500 octets for a BTP port 0..65535. Raises RequestError for a longer one."""
+    """Return the frame of a PDU for a BTP port 0..65535. Raises RequestError for a PDU of more than 1500 octets."""
     if len(pdu) > MAX_PDU:
         raise RequestError(f"a PDU of {len(pdu)} octets is longer than the {MAX_PDU} of a serial frame")
     body = _HEADER.pack(len(pdu) + 2, port) + pdu
@@ -49,10 +49,10 @@ def encode(port: int, pdu: bytes) -> bytes:
 
 
 class SerialFrames:
-    """Octets in, frames out; the frames do not depend on how the octets were cut.
+    """Parser of a serial stream; how the stream is split into reads does not change the frames.
 
-    Every octet is in a frame or counted as garbage. Garbage is told in one piece: at the next frame, when the line
-    falls silent, or when it gets long.
+    Every octet belongs to a frame or is counted as garbage. A run of garbage is one event: at the next frame, after
+    silence on the line, or when the run exceeds the longest frame.
     """
 
     def __init__(self) -> None:
@@ -61,7 +61,7 @@ class SerialFrames:
         self._passed = Passed()
 
     def receive(self, octets: bytes, now: float) -> list[Event]:
-        """The frames that octets complete, and the garbage in front of them."""
+        """Return the frames that the octets complete, and the garbage before them."""
         events: list[Event] = []
         self._waiting += octets
         self._last = now
@@ -71,11 +71,11 @@ class SerialFrames:
         return events
 
     def deadline(self) -> float | None:
-        """When expire() wants to be called; octets that come move it away."""
+        """Return the time when expire() must be called; each receive() postpones it. None without octets to report."""
         return self._last + GAP_S if self._waiting or self._passed.octets else None
 
     def expire(self, now: float) -> list[Event]:
-        """Give up an unfinished frame after a silence; what stands behind its beginning may hold another."""
+        """Discard an incomplete frame after a silence; search the octets after its start word for another frame."""
         events: list[Event] = []
         deadline = self.deadline()
         if deadline is None or now < deadline:

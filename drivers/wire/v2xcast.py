@@ -1,41 +1,41 @@
-"""Structs of the V2Xcast library, and what the station and the process that runs the library say to each other.
+"""Structs of the V2Xcast library, and messages between the station and the process that loads the library.
 
-The structs have the vendor's layout, natural alignment (V2Xcast SDK 1.7 to 1.13); the messages are ours, an octet that
-says which, then fields, then what is left. Both ends are one machine: numbers are in its own order.
+The structs have the vendor's layout with natural alignment (V2Xcast SDK 1.7 to 1.13). The messages are our own: an
+octet with their type, then fields, then the rest. Both ends run on one machine: numbers are in native byte order.
 
     station to process              process to station
-    the settings, JSON, first       RECEIVED  caster, moment, rx_info, PDU
-    SEND   caster, number,          SENT      number, why not (nothing: it has left)
-           tx_info, PDU             STATE     caster, mode, why it does not work (nothing: it works)
-    COUNT  asks for COUNTED         NOTE      what happened, in words
-                                    COUNTED   messages dropped since asked last
-                                    FAULT     whether the library itself cannot be used, what, a blank line, remedy
-                                    ALIVE     at least once in CHECK_S of v2xcast_watch, or another message
+    settings as JSON, first         RECEIVED  caster, time, rx_info, PDU
+    SEND   caster, number,          SENT      number, error (empty: the PDU was sent)
+           tx_info, PDU             STATE     caster, mode, error (empty: the caster works)
+    COUNT  requests COUNTED         NOTE      text for the log
+                                    COUNTED   number of messages dropped since the last COUNTED
+                                    FAULT     flag "the library itself is unusable", text, blank line, remedy
+                                    ALIVE     sent within CHECK_S of watchdog.py if no other message is
 """
 
 import struct
 from struct import Struct
 from typing import NamedTuple
 
-from board.errors import RequestError
+from board.runtime.errors import RequestError
 from drivers.message import NOT_SECURED, Area, Position, Request, RxInfo, Security, SecurityStatus, Shape
 
-TX, RX = 0, 1  # mode of a handler
-MAX_PAYLOAD = 1500  # octets
+TX, RX = 0, 1  # mode of a caster's handler
+MAX_PAYLOAD = 1500  # octets of a PDU
 
 SEND, COUNT = 1, 2
 RECEIVED, SENT, STATE, NOTE, COUNTED, FAULT, ALIVE = 1, 2, 3, 4, 5, 6, 7
 
-# struct timeval; rssi in dBm; data rate in 500 kbit/s; traffic class; remaining hops; security: status, ITS-AID,
-# length of the SSP, SSP; position in 1e-7 degree; area: type, distances in m, degrees from north; MAC. 96 octets on
-# 64 bit machines.
+# Fields: struct timeval; rssi in dBm; data rate in 500 kbit/s; traffic class; remaining hop limit; security: status,
+# ITS-AID, length of the SSP, SSP; position in 1e-7 degree; area: type, distances in m, angle in degrees from north;
+# MAC. The struct has 96 octets on 64-bit machines.
 RX_INFO = Struct("@llhHBBIIB32s3xiiIHHH2x6s0l")
 
-# BTP port, data rate, power in dBm, traffic class; security as above; centre and area; which of port, rate, power,
-# class, security, position and area count. 80 octets.
+# Fields: BTP port, data rate, power in dBm, traffic class; security as above; centre and area; seven flags that mark
+# port, rate, power, class, security, position and area as valid. The struct has 80 octets.
 TX_INFO = Struct("@HBbB3xIIB32s3xiiIHHH2x7?0I")
 
-ALIVE_NOW = bytes((ALIVE,))  # the whole message
+ALIVE_NOW = bytes((ALIVE,))  # complete ALIVE message
 
 _SEND = Struct("=BBQ")
 _RECEIVED = Struct("=BBq")
@@ -49,17 +49,17 @@ _CLASS = 0x3F
 
 _NOWHERE = Area(Shape.CIRCLE, Position(), 0)
 
-# How far the time stamp of the module may be from the moment when the library gave the message. Its clock follows
-# its own receiver: what is further off was not set, or ours is not.
+# Limits of the module's time stamp, relative to our time when the library delivers the message. The module's clock
+# follows its own receiver. A time stamp beyond these limits means that its clock or ours is not set.
 OLDEST_NS = 2_000_000_000
 NEWEST_NS = 100_000_000
 
 
 def send(caster: int, request: Request) -> bytes:
-    """A request for the caster of that place in the settings.
+    """Return the SEND message of a request; caster is an index in the settings.
 
-    Its port, traffic class and area are told to the module. Hop limit and lifetime have no place in tx_info: the
-    profile on the module decides. Raises RequestError when a number does not fit its place.
+    tx_info holds the port, traffic class and area of the request. It has no field for hop limit and lifetime: the
+    profile on the module decides them. Raises RequestError if a number is out of range.
     """
     area = request.area or _NOWHERE
     has_area = request.area is not None
@@ -78,7 +78,7 @@ def send(caster: int, request: Request) -> bytes:
 
 
 class ToSend(NamedTuple):
-    """A request as the process has it: tx_info is the library's struct."""
+    """Parsed SEND message; tx_info is the library's struct."""
 
     caster: int
     number: int
@@ -93,12 +93,17 @@ def to_send(message: bytes) -> ToSend:
 
 
 def received(caster: int, now_ns: int, rx_info: bytes, pdu: bytes) -> bytes:
-    """A PDU that the library gave; now_ns is the Unix time of that."""
+    """Return the RECEIVED message of a PDU; now_ns is the Unix time when the library delivered it."""
     return _RECEIVED.pack(RECEIVED, caster, now_ns) + rx_info + pdu
 
 
 class Received(NamedTuple):
-    """The caster's place, the Unix time of reception in ns, the PDU and what is known of it but the port."""
+    """Parsed RECEIVED message.
+
+    caster       index in the settings.
+    received_ns  Unix time of reception.
+    rx           properties of the reception, without the BTP port.
+    """
 
     caster: int
     received_ns: int
@@ -107,7 +112,7 @@ class Received(NamedTuple):
 
 
 def parse_received(message: bytes) -> Received:
-    """A RECEIVED message; what the library says that no standard allows becomes "not known"."""
+    """Parse a RECEIVED message; values that no standard allows become "unknown"."""
     _, caster, now_ns = _RECEIVED.unpack_from(message)
     rx, stamp_ns = parse_rx_info(message, _RECEIVED.size)
     is_plausible = -OLDEST_NS <= stamp_ns - now_ns <= NEWEST_NS
@@ -116,7 +121,7 @@ def parse_received(message: bytes) -> Received:
 
 
 def parse_rx_info(octets: bytes, at: int = 0) -> tuple[RxInfo, int]:
-    """An rx_info, without BTP port, and its time stamp: Unix time in ns."""
+    """Parse an rx_info: return it without BTP port, and its time stamp as Unix time in ns."""
     (seconds, microseconds, rssi, rate, traffic_class, hops, status, its_aid, size, ssp) = (
         fields := RX_INFO.unpack_from(octets, at)
     )[:10]

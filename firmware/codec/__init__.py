@@ -1,1 +1,5 @@
-"""Messages decoded, encoded and explained: what stands between the message library and a person."""
+"""Codec commands: decode, encode and explain messages with the message library.
+
+Face: library, reading, decoding, encoding, identify, writing.
+Commands: decode, encode, convert, explain, listen, demo, replay.
+"""

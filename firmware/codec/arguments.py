@@ -7,33 +7,42 @@ import sys
 from collections import Counter
 from collections.abc import Callable
 
-from board.errors import RequestError
+from board.runtime.errors import RequestError
+from firmware.client.show.failures import Failures
 from firmware.codec.decoding import error_record
 from firmware.codec.reading import FORMS, Object, Pdu, Reader
 from firmware.printable import clean
-from firmware.user.failures import Failures
 
 FORMS_HELP = """\
-WHAT is a file, a folder of files, or the message itself; - or nothing is
-standard input. Read are
-  hexadecimal   a message a line; blanks and colons as they please, # a remark
-  base64        a message a line
-  binary        the octets of one message
-  JSON          objects with `hex` or `base64`, as `captain listen --json` has
+The argument WHAT is a file, a folder of files, or the message itself. Without
+it, or with -, the command reads standard input.
+
+Formats, which captain detects unless --format is given:
+  hexadecimal   one message per line; optional blanks and colons, # a comment
+  base64        one message per line
+  binary        one message
+  JSON          objects with `hex` or `base64`, as of `captain listen --json`
   captures      pcap and pcapng: Ethernet, 802.11, radiotap, Linux cooked, and
-                Ethernet frames inside UDP; GeoNetworking packets, whose
-                signatures are not verified
-  MCAP          of `captain record` and of the gateway to ROS 2
-captain detects the format; --from overrides it. The input may also be a whole
-frame with GeoNetworking: Ethernet, 802.11, radiotap, Linux cooked. captain
-identifies SAE J2735 messages and XML (XER) but does not decode them.
+                Ethernet frames inside UDP. Signatures are not verified.
+  MCAP          files of `captain record` and of the gateway to ROS 2
+
+A message may also be a whole frame with GeoNetworking. captain identifies SAE
+J2735 messages and XML (XER), but does not decode them.
 """
 
 
 def add_input(parser: argparse.ArgumentParser) -> None:
     """Add WHAT and its format; each() uses them."""
     parser.add_argument("what", metavar="WHAT", nargs="*", help="a file, a folder, the message itself, or -")
-    parser.add_argument("--from", dest="form", choices=FORMS, help="format of WHAT (default: detected)")
+    add_format(parser)
+    # Former name of --format, still accepted.
+    parser.add_argument("--from", dest="form", choices=FORMS, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+
+
+def add_format(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--format", dest="form", choices=FORMS, help="format of WHAT (default: detected)")
+    # Its former name.
+    parser.add_argument("--form", choices=FORMS, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
 
 
 def add_edition(parser: argparse.ArgumentParser) -> None:
@@ -55,8 +64,8 @@ def each(
 ) -> int:
     """Call `do` for each message of WHAT; report failures and continue. Returns the exit status.
 
-    is_json   each failure is an object on standard output.
-    failures  that `do` reports to as well, with warnings; None: it reports nothing.
+    is_json   print each failure as a JSON object on standard output.
+    failures  report that `do` also adds warnings to; None: a new one.
     """
     source = _reader(arguments)
     failed = count = 0
@@ -72,7 +81,7 @@ def each(
                 if is_json:
                     print_json(error_record(error))
                 else:
-                    told.tell(error)
+                    told.report(error)
     _tell_skipped(source.skipped)
     return 1 if failed or not count else 0
 
@@ -86,7 +95,7 @@ def _reader(arguments: argparse.Namespace) -> Reader:
 
 
 def _tell_skipped(skipped: Counter[str]) -> None:
-    """Report the frames of captures that hold no message."""
+    """Print how many frames of captures contained no message, by kind."""
     if skipped:
         each = ", ".join(f"{count} {what}" for what, count in sorted(skipped.items()))
         print(f"captain: without a message: {clean(each)}", file=sys.stderr)

@@ -1,15 +1,15 @@
-"""The bits of a message, one row for each thing that they say."""
+"""Bits of a message as rows: one per field, length, presence bit or choice."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from firmware.codec.library import Step
 
-MOST_BITS = 16  # of a value that are shown as bits; longer ones have hexadecimal digits
+MOST_BITS = 16  # longest value that is shown as bits; longer ones are shown as hexadecimal digits
 MOST_DIGITS = 32
-INDENT = " "  # a terminal of 80 columns has little room
+INDENT = " "  # one blank per level, because a terminal has 80 columns
 
-# What the encoding holds beside values: said in the words of X.691.
+# Names of bits other than values, in the terms of X.691.
 _SAYS = {
     "extension bit": "(extension bit)",
     "presence": "(presence)",
@@ -22,7 +22,12 @@ _SAYS = {
 
 
 class Row(NamedTuple):
-    """bit and width as in Step; depth: how many containers it stands in; bits: what they are."""
+    """A row of the table.
+
+    bit, width  as in Step.
+    depth       number of enclosing containers.
+    bits        the bits as text.
+    """
 
     bit: int
     width: int
@@ -35,7 +40,7 @@ class Row(NamedTuple):
 
 
 def rows(octets: bytes, steps: Sequence[Step]) -> Iterator[Row]:
-    """Containers have a row without bits, what they hold follows one level deeper."""
+    """Yield a row for each step. A container has a row without bits; its contents follow one level deeper."""
     depth = 0
     for step in steps:
         if step.what == "leave":
@@ -51,7 +56,7 @@ def rows(octets: bytes, steps: Sequence[Step]) -> Iterator[Row]:
 
 
 def shown(octets: bytes, bit: int, width: int) -> str:
-    """A stretch of bits as text; a long one in hexadecimal digits, its last one filled up with zeros."""
+    """Return bits as text; many bits as hexadecimal digits, the last one padded with zeros."""
     if not width:
         return ""
     first, end = bit // 8, (bit + width + 7) // 8

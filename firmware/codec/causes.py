@@ -1,4 +1,4 @@
-"""Why octets do not decode: the likeliest cause, found by trying what usually went wrong."""
+"""Causes of decoding failures: tries common mistakes and returns the likeliest."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -10,9 +10,10 @@ from firmware.codec.foreign import damaged_message_frame, message_frame
 from firmware.codec.identify import Refusal, attempt
 from firmware.codec.library import Message
 
-SPARE = 4096  # octets of zeros behind a message that was cut off: enough for what it lacks
+SPARE = 4096  # octets of zeros that are appended to a truncated message; more than any missing part
 BTP_HEADER = 4  # octets, EN 302 636-5-1 clause 7.3
-GEONETWORKING = (0x10, 0x11, 0x12, 0x00, 0x01, 0x02)  # version 0 or 1, next header any, common or secured
+# first octets of a GeoNetworking packet: version 1 or 0, next header any, common or secured
+GEONETWORKING = (0x10, 0x11, 0x12, 0x00, 0x01, 0x02)
 
 _TYPES, _LEGACY = topics.Topics(), topics.Topics("legacy")
 
@@ -20,9 +21,9 @@ _TYPES, _LEGACY = topics.Topics(), topics.Topics("legacy")
 class Case(NamedTuple):
     """Octets that do not decode.
 
-    known    every message of the library, whatever was asked for.
-    nearest  the message that came farthest; None where none was tried.
-    port     BTP port that they came by; None where it is not known.
+    known    all messages of the library, regardless of --edition.
+    nearest  the message that decoded the most bits; None if none was tried.
+    port     BTP port of the packet; None if unknown.
     """
 
     octets: bytes
@@ -32,7 +33,7 @@ class Case(NamedTuple):
 
 
 def likeliest(case: Case) -> str:
-    """One sentence: what most probably happened, and what to do about it."""
+    """Return the most probable cause and the remedy, in one sentence."""
     for cause in _CAUSES:
         found = cause(case)
         if found:
@@ -53,7 +54,7 @@ def _short(case: Case) -> str:
 
 
 def _packet(case: Case) -> str:
-    """Layers below that were not taken off."""
+    """Detect BTP or GeoNetworking headers in front of the PDU."""
     if _is_announced(case, BTP_HEADER) and int.from_bytes(case.octets[:2]) in _TYPES.ports:
         port = int.from_bytes(case.octets[:2])
         return f"it begins with a BTP header of port {port}: leave out the first {BTP_HEADER} octets"
@@ -67,13 +68,13 @@ def _legacy_vam(case: Case) -> str:
         return ""
     return _or_cut_off(
         case,
-        f"messageID {topics.LEGACY_VAM} is what older boxes gave VAM before the standard had a number for it: theirs "
-        "may be of an edition that the library does not have",
+        f"messageID {topics.LEGACY_VAM} is the number that older boxes used for VAM; their edition may be missing in "
+        "the library",
     )
 
 
 def _cut_off(case: Case) -> str:
-    """Zeros in place of what is missing let it decode farther."""
+    """Detect truncation: with zeros appended, decoding reaches the end of the octets."""
     if case.nearest is None or not _is_good(case.nearest.message, case.octets + bytes(SPARE), up_to=len(case.octets)):
         return ""
     where = f" inside {case.nearest.path}" if case.nearest.path else ""
@@ -81,19 +82,19 @@ def _cut_off(case: Case) -> str:
 
 
 def _or_cut_off(case: Case, cause: str) -> str:
-    """A cause that only looks at numbers, and the other one where that is possible as well."""
+    """Return a cause that was found by numbers alone, with truncation as an alternative if that is possible too."""
     cut_off = _cut_off(case)
     return f"{cause}; or {cut_off}" if cut_off else cause
 
 
 def _is_good(message: Message, octets: bytes, up_to: int) -> bool:
-    """Whether the first bad bit, if there is one, lies behind so many octets."""
+    """Return whether decoding succeeds for at least the first `up_to` octets."""
     refused = attempt(message, octets).refusal
     return refused is None or refused.bit >= 8 * up_to
 
 
 def _trailing(case: Case) -> str:
-    """Without what follows it decodes."""
+    """Detect octets after the message: it decodes without them."""
     if case.nearest is None:
         return ""
     whole = (case.nearest.bit + 7) // 8
@@ -105,7 +106,7 @@ def _trailing(case: Case) -> str:
 
 
 def _other_edition(case: Case) -> str:
-    """An edition that was not asked for, or whose protocolVersion the header does not have, decodes it."""
+    """Detect an edition that decodes the octets, but that --edition or the header's protocolVersion excludes."""
     version, number = case.octets[:2]
     fits = [one for one in case.known if number in one.ids and attempt(one, case.octets).is_exact]
     if not fits:
@@ -152,7 +153,7 @@ def _other_release(case: Case) -> str:
     )
 
 
-# The first that holds is told: those that prove themselves by a trial before those that only look at numbers.
+# The first cause that applies is reported. Causes proved by trial decoding come before those found by numbers alone.
 _CAUSES: tuple[Callable[[Case], str], ...] = (
     _other_standard,
     _short,
@@ -168,7 +169,7 @@ _CAUSES: tuple[Callable[[Case], str], ...] = (
 
 
 def _is_announced(case: Case, at: int) -> bool:
-    """Whether an ITS PDU header that the library knows stands at an octet."""
+    """Return whether a known ITS PDU header begins at an octet."""
     head = case.octets[at : at + 2]
     return len(head) == 2 and any(head[1] in one.ids and head[0] in one.versions for one in case.known)
 

@@ -1,24 +1,25 @@
-"""Octets to what a user is shown: the edition they are of, or why they are of none."""
+"""Decoding: finds the edition of octets, or the reason why none fits."""
 
 import json
 import re
 
-from board.errors import RequestError
+from board.runtime.errors import RequestError
 from firmware.codec import causes
 from firmware.codec.foreign import message_frame
 from firmware.codec.identify import Identifier, Identity, Refusal, Unknown
 from firmware.codec.library import Library, editions
 from firmware.codec.reading import Pdu
+from firmware.printable import failure_record
 
 _NOT_ASCII = re.compile(r"[^ -~]")
 
 
 class UndecodableError(RequestError):
-    """Octets that no message of the library takes.
+    """Octets that decode as no message of the library.
 
-    pdu      the octets and where they stood.
-    nearest  the message that came farthest, and its first bad bit; None where none was worth a trial.
-    why      what the octets were taken for.
+    pdu      the octets and their place in the input.
+    nearest  the message that decoded the most bits, with its first bad bit; None if none was tried.
+    why      why this message was tried.
     """
 
     def __init__(self, pdu: Pdu, nearest: Refusal | None, why: str, cause: str) -> None:
@@ -30,10 +31,10 @@ class UndecodableError(RequestError):
 
 
 class Decoder:
-    """Finds the edition of octets among all of the library, or among those that a user asked for.
+    """Finds the edition of octets, among all editions or those of --edition.
 
-    edition  as `--edition` has it. Raises RequestError where the library has no such message.
-    is_forced  `--force`: ignore the header.
+    edition    value of `--edition`. Raises RequestError if the library has no such message.
+    is_forced  value of `--force`: ignore the header.
     """
 
     def __init__(self, library: Library, edition: str | None = None, is_forced: bool = False) -> None:
@@ -43,11 +44,14 @@ class Decoder:
         self._identifier = Identifier(self.known, edition is not None, self._all, is_forced)
 
     def find(self, octets: bytes, port: int | None = None, is_quick: bool = False) -> Identity | Unknown:
-        """What octets are; is_quick leaves out which other editions give them back as well."""
+        """Return the edition of octets, or why none fits.
+
+        is_quick: do not search for other editions that fit as well.
+        """
         return self._identifier.identify(octets, port, is_quick)
 
     def identify(self, pdu: Pdu, is_quick: bool = False) -> Identity:
-        """The same of a PDU. Raises UndecodableError with the likeliest cause."""
+        """Return the edition of a PDU. Raises UndecodableError with the likeliest cause."""
         other = message_frame(pdu.octets)
         if other is not None and not self._is_expected(pdu.octets):
             raise UndecodableError(pdu, None, other, "")
@@ -58,12 +62,12 @@ class Decoder:
         raise UndecodableError(pdu, found.nearest, found.why, cause)
 
     def _is_expected(self, octets: bytes) -> bool:
-        """Did the user ask for an edition, or does the header announce a message of the library?"""
+        """Return whether the user chose an edition, or the header announces a message of the library."""
         return self._is_asked or any(octets[0] in one.versions and octets[1] in one.ids for one in self._all)
 
 
 def record(pdu: Pdu, found: Identity) -> str:
-    """A decoded message as one line of JSON, from which `captain encode` makes the same octets again."""
+    """Return a decoded message as one line of JSON. `captain encode` converts it back to the same octets."""
     head: dict[str, object] = {
         "edition": found.message.name,
         "type": found.message.type,
@@ -79,7 +83,7 @@ def record(pdu: Pdu, found: Identity) -> str:
 
 
 def doubt_record(found: Identity) -> dict[str, object]:
-    """Return the members that say why the values may be wrong; empty if there is no doubt."""
+    """Return the JSON members that say why the values may be wrong; empty without a doubt."""
     if not found.doubt:
         return {}
     told: dict[str, object] = {"warning": found.doubt}
@@ -87,36 +91,41 @@ def doubt_record(found: Identity) -> dict[str, object]:
 
 
 def error_record(error: RequestError) -> dict[str, object]:
-    """What is no message, as one line of JSON shows it."""
-    told: dict[str, object] = {"reason": error.message, "remedy": error.hint}
+    """Return the JSON object for an invalid message."""
     if not isinstance(error, UndecodableError):
-        return {"error": told}
+        return failure_record(error)
     return {
         "origin": error.pdu.origin,
         "octets": len(error.pdu.octets),
         **_way(error.pdu),
         "hex": error.pdu.octets.hex(),
-        "error": refusal_record(error),
+        **refusal_record(error),
     }
 
 
 def refusal_record(error: UndecodableError) -> dict[str, object]:
-    """The member `error` of a message that does not decode."""
-    told: dict[str, object] = {"reason": error.why, "cause": error.hint}
+    """Return the JSON members for an undecodable message: `error`, `hint`, and each fact of `error`.
+
+    The member `edition` is omitted, because it names the edition of a decoded message.
+    """
+    told = failure_record(error)
     if error.nearest is None:
-        return told
+        return told | {"reason": error.why}
     message, path, bit, reason = error.nearest
-    return told | {"edition": message.name, "path": path, "bit": bit, "reason": reason}
+    return told | {"reason": reason, "nearest_edition": message.name, "path": path, "bit": bit}
 
 
 def joined(head: dict[str, object], key: str, text: str) -> str:
-    """An object with one more member, which is JSON already. ASCII: a terminal obeys some of the other characters."""
+    """Return a JSON object with one more member, whose value is already JSON text.
+
+    Characters other than printable ASCII are escaped, because terminals execute some of them.
+    """
     safe = _NOT_ASCII.sub(lambda found: json.dumps(found[0])[1:-1], text)
     return f"{json.dumps(head)[:-1]}, {json.dumps(key)}: {safe}}}"
 
 
 def _way(pdu: Pdu) -> dict[str, object]:
-    """What is known of how it came."""
+    """Return the JSON members about reception: port, time, layers."""
     known = {
         "btp_port": pdu.port,
         "received": None if pdu.when_ns is None else pdu.when_ns // 1000 / 1e6,

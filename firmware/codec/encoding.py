@@ -1,11 +1,11 @@
-"""JSON objects to octets: the way back from decoding.record()."""
+"""Encoding of JSON objects to octets, the inverse of decoding.record()."""
 
 import json
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from board.describe import remedy
-from board.errors import RequestError
+from board.runtime.describe import remedy
+from board.runtime.errors import RequestError
 from drivers.wire.editions import names, of_header
 from firmware.codec.library import Message, strict_name
 from firmware.codec.reading import Object
@@ -14,11 +14,11 @@ _FIELDS = "an object of the fields, as `captain decode` shows"
 
 
 class Wish(NamedTuple):
-    """Editions that a user wants.
+    """Requested editions.
 
-    known      messages of the library; with `--edition` only those.
+    known      candidate messages; with `--edition` only its messages.
     asked      value of `--edition`, or None.
-    library    all messages; the header may be of any of them.
+    library    all messages, to recognise the header.
     is_forced  ignore the header.
     """
 
@@ -29,7 +29,7 @@ class Wish(NamedTuple):
 
 
 class Encoded(NamedTuple):
-    """A message and its octets; warning: that no edition has its header, else empty."""
+    """A message and its octets. warning: text if the header contradicts the edition and was accepted, else empty."""
 
     message: Message
     octets: bytes
@@ -37,20 +37,20 @@ class Encoded(NamedTuple):
 
 
 def encode(one: Object, wish: Wish) -> Encoded:
-    """Encode the message that an object says it is.
+    """Encode the message of a JSON object.
 
-    one  {"edition": "cam-1.4.1", "message": {...}}; the message alone where `--edition` or its header says the edition.
+    one  {"edition": "cam-1.4.1", "message": {...}}; the message alone if `--edition` or its header gives the edition.
 
-    The header selects the edition. Raises RequestError that names edition, path, value and range, and where the header
-    is that of another edition.
+    The header selects the edition. Raises RequestError with edition, path, value and range, also if the header
+    contradicts the edition.
     """
-    if one.value.get("edition") is None and "error" in one.value and "message" not in one.value:
+    if "error" in one.value and "message" not in one.value:
         raise RequestError(
             f"{one.origin}: it did not decode, so it has no message", "encode what `captain decode` shows"
         )
     edition = one.value.get("edition")
     if edition is not None and not isinstance(edition, str):
-        raise RequestError(f"{one.origin}: edition: {edition!r} is no text")
+        raise RequestError(f"{one.origin}: edition: {edition!r} is not a text")
     edition = wish.asked if edition is None else edition
     value = _message(one)
     messages = _by_name(one, edition, wish) if edition is not None else _by_header(one, value, wish)
@@ -65,19 +65,19 @@ def encode(one: Object, wish: Wish) -> Encoded:
 
 
 def _message(one: Object) -> dict[str, object] | list[object]:
-    """The fields: the member `message`, or all where no edition is beside them."""
+    """Return the fields: the member `message`, or the whole object if it has no `edition`."""
     if "message" not in one.value:
         if one.value.get("edition") is not None:
             raise RequestError(f'{one.origin}: "message" is missing', _FIELDS)
         return one.value
     value = one.value["message"]
     if not isinstance(value, dict | list):
-        raise RequestError(f"{one.origin}: message: {json.dumps(value)[:40]} is no object", _FIELDS)
+        raise RequestError(f"{one.origin}: message: {json.dumps(value)[:40]} is not an object", _FIELDS)
     return value
 
 
 def _by_name(one: Object, edition: str, wish: Wish) -> list[Message]:
-    """The edition that is named; of a type those that the header announces, else all."""
+    """Return the named edition. For a type: its editions that the header announces, else all."""
     exact = [message for message in wish.known if edition.lower() == message.name]
     if wish.asked is not None:  # both forms of a message have the same fields
         strict = strict_name(edition.lower())
@@ -97,7 +97,7 @@ def _by_name(one: Object, edition: str, wish: Wish) -> list[Message]:
 
 
 def _by_header(one: Object, value: object, wish: Wish) -> list[Message]:
-    """Return those that the header announces, if the edition is not named; the -ext form has to be named."""
+    """Return the editions that the header announces, if none is named. The -ext form must be named."""
     strict = [message for message in wish.known if not message.form_of]
     announced = _announced(strict or wish.known, value, wish)
     if announced:
@@ -109,7 +109,10 @@ def _by_header(one: Object, value: object, wish: Wish) -> list[Message]:
 
 
 def _announced(messages: Sequence[Message], value: object, wish: Wish) -> list[Message]:
-    """Those of the header's messageID and protocolVersion; first those that have the header's names for them."""
+    """Return editions with the header's messageID and protocolVersion.
+
+    Those that spell the header in the same way come first.
+    """
     version, number = _header(value)
     if version is None or number is None or wish.is_forced:
         return []
@@ -118,7 +121,10 @@ def _announced(messages: Sequence[Message], value: object, wish: Wish) -> list[M
 
 
 def _header(value: object) -> tuple[int | None, int | None]:
-    """protocolVersion and messageID of a message in JSON, by whichever release they are spelled; None: not there."""
+    """Return protocolVersion and messageID of a message in JSON; None if absent.
+
+    Both releases' spellings are accepted.
+    """
     header = value.get("header") if isinstance(value, dict) else None
     if not isinstance(header, dict):
         return None, None
@@ -132,7 +138,7 @@ def _octet(number: object) -> int | None:
 
 
 def _has_names(message: Message, value: object) -> bool:
-    """Has the header of a message in JSON, where it is there, no other names than those of the edition?"""
+    """Return whether the header of a message in JSON is absent or uses the edition's names."""
     if not message.ids:
         return True
     header = value.get("header") if isinstance(value, dict) else None
@@ -140,12 +146,12 @@ def _has_names(message: Message, value: object) -> bool:
 
 
 def _names_of(message: Message) -> list[str]:
-    """Names of the components of the ITS PDU header: Release 2 spells two of them otherwise."""
+    """Return the component names of an edition's ITS PDU header. Release 2 spells two of them differently."""
     return [field.name for field in message.type_tree().fields[0].type.fields]
 
 
 def _first(messages: Sequence[Message], value: object, origin: str) -> tuple[Message, bytes]:
-    """The first edition that takes the fields. Raises RequestError with what the first one says."""
+    """Encode with the first edition that accepts the fields. Raises RequestError with the error of the first one."""
     refused: RequestError | None = None
     for message in messages:
         try:
@@ -157,7 +163,7 @@ def _first(messages: Sequence[Message], value: object, origin: str) -> tuple[Mes
 
 
 def _disagreement(message: Message, octets: bytes, library: Sequence[Message]) -> str:
-    """Describe how the ITS PDU header contradicts the edition; empty if it does not. Receivers go by the header."""
+    """Return how the ITS PDU header contradicts the edition; empty if it does not. Receivers go by the header."""
     if not message.ids or len(octets) < 2 or of_header([message], octets):
         return ""
     version, number = octets[:2]

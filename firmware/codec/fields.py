@@ -1,18 +1,18 @@
-"""A decoded message in few words: what a row of a live table has room for, or the fields that a user names."""
+"""Fields of decoded messages: a summary for tables, and fields chosen by name."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Final
 
-from board.describe import remedy
-from board.errors import RequestError
-from drivers.wire.v2n_type import Type
+from board.runtime.describe import remedy
+from board.runtime.errors import RequestError
+from drivers.wire.type_tree import Type
 from firmware.codec.library import Message, Step
 
 _INDEX = re.compile(r"\[\d+\]")
 
-# Values that mean "not known", and units: ETSI TS 102 894-2 v1.3.1 and v2.4.1, DEs of the same names.
+# Values that mean "unavailable", with units, from the DEs of the same names (ETSI TS 102 894-2 v1.3.1 and v2.4.1).
 LATITUDE_UNAVAILABLE: Final = 900000001  # 1e-7 degree
 LONGITUDE_UNAVAILABLE: Final = 1800000001
 SPEED_UNAVAILABLE: Final = 16383  # 0.01 m/s
@@ -20,16 +20,16 @@ HEADING_UNAVAILABLE: Final = 3601  # 0.1 degree
 
 
 def glance(message: Message, octets: bytes) -> str:
-    """What a glance at a message of its type should see. Raises ValueError where it does not decode."""
+    """Return a short summary of a message, by its type. Raises ValueError if it does not decode."""
     value = message.decode(octets)
     parts = (look(value, message, octets) for look in LOOKS.get(message.type, (_position,)))
     return " ".join(part for part in parts if part)
 
 
 def chosen(steps: Iterable[Step], names: Sequence[str]) -> dict[str, str]:
-    """The values below any of the names, by path; value as text with its unit.
+    """Return the values below any of the names, by path; each as text with its unit.
 
-    names  "speedValue", "referencePosition.latitude", "header": one or more last parts of a path, without indices.
+    names  "speedValue", "referencePosition.latitude", "header": one or more trailing parts of a path, without indices.
     """
     wanted = [f".{name.strip('.')}." for name in names]
     found: dict[str, str] = {}
@@ -41,7 +41,10 @@ def chosen(steps: Iterable[Step], names: Sequence[str]) -> dict[str, str]:
 
 
 def brief(values: Mapping[str, str], names: Sequence[str]) -> dict[str, str]:
-    """The values of chosen() by the end of their path from the name on; whole paths where two ends are the same."""
+    """Return the values of chosen(), each under the end of its path from the matching name on.
+
+    If two of these ends are equal, all values have their whole paths.
+    """
     ends = [_end(path, names) for path in values]
     return dict(zip(ends, values.values(), strict=True)) if len(set(ends)) == len(ends) else dict(values)
 
@@ -56,7 +59,7 @@ def _end(path: str, names: Sequence[str]) -> str:
 
 
 class FieldNames:
-    """Names of the fields of some messages, and which directly holds which: a slip is told before a message comes."""
+    """Field names of some messages and their nesting, to report a misspelt name before the first message arrives."""
 
     def __init__(self, messages: Iterable[Message]) -> None:
         self.names: set[str] = set()
@@ -66,7 +69,7 @@ class FieldNames:
             self._collect("", message.type_tree())
 
     def check(self, asked: Sequence[str]) -> None:
-        """Each as chosen() has it. Raises RequestError that names the part that there is not."""
+        """Check names in the form of chosen(). Raises RequestError with the unknown part."""
         for text in asked:
             parts = text.strip(".").split(".")
             for part in parts:
@@ -80,7 +83,7 @@ class FieldNames:
                     raise RequestError(f"{text!r}: {outer} holds no {inner}", remedy(inner, within))
 
     def _collect(self, holder: str, root: Type) -> None:
-        """With a list of what is left: types may be inside themselves."""
+        """Collect the names with a work list, because types may be recursive."""
         left = [(holder, root)]
         while left:
             holder, found = left.pop()
@@ -96,13 +99,13 @@ class FieldNames:
                 left.append((holder, found.element))
 
     def _nearest(self, name: str) -> str:
-        """Also where only capitals differ; hundreds of names are no help."""
+        """Return the nearest known name, ignoring case; a list of hundreds of names does not help."""
         same = sorted(known for known in self.names if known.lower() == name.lower())
         told = f"did you mean {same[0]}?" if same else remedy(name, sorted(self.names))
         return told if told.startswith("did you mean") else "`captain decode` shows the fields of a message"
 
 
-# -- what is looked at, by type
+# -- summaries by type
 
 
 def _position(value: object, message: Message, octets: bytes) -> str:
@@ -133,17 +136,18 @@ def _cause(value: object, message: Message, octets: bytes) -> str:
     if _first(value, "termination") is not None:
         return "terminated"
     coded = _first(value, "ccAndScc")
-    if isinstance(coded, tuple):  # Release 2: the alternative is named as cause and number
+    if isinstance(coded, tuple):  # Release 2 has a CHOICE here; the name of its alternative contains cause and number
         return f"{coded[0]}/{coded[1]}"
     event = _first(value, "eventType")
     if not isinstance(event, dict):
         return ""
-    named = chosen(message.explain(octets), ("eventType.causeCode",))
-    return f"cause {next(iter(named.values()), event.get('causeCode'))}/{event.get('subCauseCode')}"
+    told = next(iter(chosen(message.explain(octets), ("eventType.causeCode",)).values()), "")
+    _, named, name = told.rstrip(")").partition(" (")
+    return f"{name if named else 'cause ' + str(event.get('causeCode'))}/{event.get('subCauseCode')}"
 
 
 def _count(key: str, of_what: str) -> Callable[[object, Message, bytes], str]:
-    """How many there are in a list."""
+    """Return a function that summarises a list by its length."""
 
     def look(value: object, message: Message, octets: bytes) -> str:
         found = _first(value, key)
@@ -164,7 +168,10 @@ LOOKS: dict[str, tuple[Callable[[object, Message, bytes], str], ...]] = {
 
 
 def _members(value: object) -> Iterator[Mapping[str, object]]:
-    """Every SEQUENCE in a decoded value, the outer ones first; an alternative of a CHOICE is a pair."""
+    """Yield every SEQUENCE in a decoded value, outer ones first.
+
+    A decoded CHOICE is a pair of alternative and value.
+    """
     if isinstance(value, dict):
         yield value
         for member in value.values():

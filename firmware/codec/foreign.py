@@ -1,12 +1,12 @@
-"""Foreign input: names messages of SAE J2735 and XML, decodes neither."""
+"""Foreign input: names messages of SAE J2735 and XML without decoding them."""
 
 import re
 from collections.abc import Iterable
 from itertools import chain, islice
 from typing import NamedTuple
 
-# DSRCmsgID of SAE J2735_202409: name of the type, and its short name where there is one. 18 to 32 are those of
-# J2735_201603 as well; ISO/TS 19091 has 18, 19 and 28 to 30 of them. Older editions counted otherwise.
+# DSRCmsgID of SAE J2735_202409, with the type's name and its abbreviation, if any. 18 to 32 are the same in
+# J2735_201603. ISO/TS 19091 uses 18, 19 and 28 to 30 of them. Older editions have other numbers.
 J2735 = {
     18: "MapData (MAP)",
     19: "SPAT",
@@ -49,11 +49,11 @@ READ = "hexadecimal, base64, octets, JSON (JER), pcap, pcapng or MCAP"
 _NO_ELEMENT = re.compile(r"\s+|<\?.*?\?>|<!--.*?-->|<![^>]*>", re.DOTALL)
 _ELEMENT = re.compile(r"<([^\s<>/!?]{1,60})")
 _WHOLE = re.compile(r"\s*<([^\s<>/!?]{1,60})[^<>]*(/>|>.*</\1\s*>)\s*", re.DOTALL)
-_MOST_LINES = 1000  # in front of the root element: a licence in a comment
+_MOST_LINES = 1000  # limit for lines before the root element, such as a licence in a comment
 
 
 def message_frame(octets: bytes) -> str | None:
-    """Name a MessageFrame of SAE J2735 in UPER that fills the octets; None for others."""
+    """Return a sentence for a MessageFrame of SAE J2735 in UPER that fills the octets; None for other octets."""
     found = _message_frame(octets)
     if found is None or found.size != len(octets):
         return None
@@ -61,7 +61,7 @@ def message_frame(octets: bytes) -> str | None:
 
 
 def damaged_message_frame(octets: bytes) -> str | None:
-    """Name one that is truncated, or that other octets follow; None for others."""
+    """Return a sentence for a MessageFrame that is truncated, or followed by other octets; None for other octets."""
     found = _message_frame(octets)
     if found is None:
         return None
@@ -72,7 +72,7 @@ def damaged_message_frame(octets: bytes) -> str | None:
 
 
 class _MessageFrame(NamedTuple):
-    """size: in octets, as the frame says."""
+    """Head of a MessageFrame. size: total octets by its length field."""
 
     message_id: int
     size: int
@@ -92,8 +92,8 @@ def _message_frame(octets: bytes) -> _MessageFrame | None:
 class Xml(NamedTuple):
     """A text in XML.
 
-    why       it is not read, with its root element.
-    is_whole  its element ends in its first line: what follows is something else.
+    why       sentence that it cannot be read, with its root element.
+    is_whole  its element ends in the first line; further lines are separate input.
     """
 
     why: str
@@ -101,12 +101,13 @@ class Xml(NamedTuple):
 
 
 def xml(line: str, following: Iterable[str]) -> Xml | None:
-    """Name a text in XML by its root element; None for a line that does not begin one.
+    """Return a description of a text in XML, by its root element; None for a line that does not begin XML.
 
-    line       the first that is not blank.
-    following  lines behind it. None is read where the element ends in the first, else at most 999.
+    line       the first line that is not blank.
+    following  lines after it. At most 999 are read, and none if the element ends in the first line.
 
-    Raises nothing: a text without an element is XML, too. Source: ITU-T X.693, XER; W3C XML 1.0, production 1.
+    Raises nothing: a text without an element counts as XML, too.
+    Source: ITU-T X.693, XER; W3C XML 1.0, production 1.
     """
     if not line.lstrip().startswith("<"):
         return None

@@ -1,4 +1,7 @@
-"""Message type and edition of octets, by ITS PDU header, BTP port or trial decoding."""
+"""Identification of octets: message type and edition.
+
+It uses the ITS PDU header, the BTP port and trial decoding.
+"""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -12,7 +15,7 @@ VAM = 16  # messageID (TS 102 894-2, DE MessageId)
 
 
 class Refusal(NamedTuple):
-    """A message that octets are not. bit is the offset of the first bad value, path where that stands."""
+    """A message that failed to decode. bit: offset of the first invalid value; path: its field."""
 
     message: Message
     path: str
@@ -26,12 +29,12 @@ class Refusal(NamedTuple):
 class Identity(NamedTuple):
     """Edition of some octets.
 
-    message   the edition that is preferred.
-    why       in words.
-    is_exact  encoding it again gives the same octets.
-    exact     all editions of which that is true, the preferred one first.
-    others    editions that also fit the octets, and decode to different values.
-    doubt     why the values may be wrong; empty if there is no doubt.
+    message   preferred edition.
+    why       reasons as text.
+    is_exact  encoding the decoded message again gives the same octets.
+    exact     all editions for which that is true; the preferred one is first.
+    others    editions that also fit the octets, but decode to different values.
+    doubt     reason why the values may be wrong; may be empty.
     """
 
     message: Message
@@ -43,10 +46,10 @@ class Identity(NamedTuple):
 
 
 class Unknown(NamedTuple):
-    """No message decodes.
+    """Result for octets that decode as no message.
 
-    nearest  the one that came farthest; None where none was tried.
-    remedy   what to do about it, where `why` already says the cause.
+    nearest  message that decoded the most bits; None if none was tried.
+    remedy   remedy, if `why` already contains the cause.
     """
 
     nearest: Refusal | None
@@ -55,17 +58,17 @@ class Unknown(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Messages that the octets may be, and what speaks for them; doubt: what speaks against them."""
+    """Candidate messages, with the reason why they are likely. doubt: reason why they may be wrong."""
 
     why: str
     messages: list[Message]
-    is_announced: bool = False  # by messageID: then protocolVersion has a say
+    is_announced: bool = False  # candidates found by messageID; protocolVersion decides between them
     is_guess: bool = False
     doubt: str = ""
 
 
 class Try(NamedTuple):
-    """Result of one trial."""
+    """Result of decoding the octets as one message, and encoding it again."""
 
     message: Message
     refusal: Refusal | None
@@ -73,7 +76,7 @@ class Try(NamedTuple):
 
 
 def attempt(message: Message, octets: bytes) -> Try:
-    """Decode, and encode again."""
+    """Decode octets as a message, and encode it again."""
     try:
         view = message.view(octets)
     except (ValueError, MemoryError) as error:
@@ -85,7 +88,7 @@ def attempt(message: Message, octets: bytes) -> Try:
 
 
 def _refusal(message: Message, error: ValueError | MemoryError) -> Refusal:
-    """Convert a DecodeError of the library; a MemoryError means that the octets ask for too much memory."""
+    """Convert an error of the library. A MemoryError means that the octets ask for too much memory."""
     if isinstance(error, MemoryError):
         return Refusal(message, "", 0, "it asks for more memory than a message may have")
     path, bit = getattr(error, "path", ""), getattr(error, "bit", 0)
@@ -93,17 +96,16 @@ def _refusal(message: Message, error: ValueError | MemoryError) -> Refusal:
 
 
 class Identifier:
-    """Finds the message that octets are.
+    """Finds the message of octets.
 
-    known    the messages that they may be.
-    is_asked a user has chosen these. The header has to be theirs, or no edition's.
-    library  every message there is, whose header octets may have; without it `known`.
-    is_forced  ignore the header, if a user asked for messages.
+    known      candidate messages.
+    is_asked   the candidates are those of --edition: the header must be theirs, or that of no edition.
+    library    all messages, to recognise headers; default: `known`.
+    is_forced  ignore the header, if the user named messages.
 
-    The header selects the edition: where one has its messageID and protocolVersion, no other is tried. Of several
-    those that give the same octets back are preferred, then those that know every part, then those of smaller rank.
-    A type that neither header nor port announces is a guess: it has to give the same octets back and to keep every
-    constraint of its standard.
+    If editions have the header's messageID and protocolVersion, only these are tried. Editions that re-encode to the
+    same octets are preferred, then those that know every part, then those of smaller rank. A type that neither header
+    nor port announces is a guess: it must re-encode to the same octets and satisfy every constraint of its standard.
     """
 
     def __init__(
@@ -121,8 +123,8 @@ class Identifier:
     def identify(self, octets: bytes, port: int | None = None, is_quick: bool = False) -> Identity | Unknown:
         """Return type and edition of octets.
 
-        port      BTP port that they came by, where that is known.
-        is_quick  take the first edition that gives the same octets back: then `exact` and `others` have no other.
+        port      BTP port on which they were received; None if unknown.
+        is_quick  return the first edition that re-encodes to the same octets: `exact` and `others` then list no more.
         """
         if self._is_asked and not self._is_forced:
             owners = of_header(self._library, octets)
@@ -141,14 +143,14 @@ class Identifier:
         return Unknown(max(refused, key=lambda one: one.bit, default=None), why)
 
     def _port_of_others(self, decoded: Sequence[Try], port: int | None) -> str:
-        """Return a remark if the port carries another type by the standard; else empty."""
+        """Return a remark if the standard assigns the port to another type; else empty."""
         if port is None or any(one.message.btp_port == port for one in decoded):
             return ""
         carried = sorted({message.type for message in self._known if message.btp_port == port})
         return f"BTP port {port} is that of {' or '.join(carried)}" if carried else ""
 
     def _groups(self, octets: bytes, port: int | None) -> Iterator[Group]:
-        """Yield possible messages, the likeliest first, none twice."""
+        """Yield candidate messages, the likeliest first. No message appears twice."""
         if self._is_asked:
             yield self._asked(octets)
             return
@@ -156,7 +158,9 @@ class Identifier:
         announced = [message for message in self._known if number in message.ids]
         if number == LEGACY_VAM and not announced:
             announced = [message for message in self._known if VAM in message.ids]
-            yield _by_version(Group(f"messageID {number} is that of VAM in the profile legacy", announced), octets)
+            yield _by_version(
+                Group(f"messageID {number} is that of VAM in the profile legacy, so VAM was tried", announced), octets
+            )
         elif announced:
             yield _by_version(Group(f"messageID {number}", announced, is_announced=True), octets)
         by_port = [one for one in self._known if one.btp_port == port and one not in announced]
@@ -164,16 +168,16 @@ class Identifier:
             why = f"BTP port {port} carries it, though messageID is {number}"
             yield Group(why, _ranked(by_port, octets), is_guess=bool(announced), doubt=why)
         if any(octets[0] in message.versions for message in announced):
-            return  # it has an ITS PDU header, and that does not lie
+            return  # the ITS PDU header is complete and known: do not guess
         nameless = [message for message in self._known if not message.ids]
-        yield Group("a guess: its octets are no ITS PDU header", _ranked(nameless, octets), is_guess=True)
+        yield Group("a guess: its octets are not an ITS PDU header", _ranked(nameless, octets), is_guess=True)
         if not announced and not by_port and len(octets) >= ITS_HEADER:
             others = [message for message in self._known if message.ids]
             why = f"a guess: no message has messageID {number}"
             yield Group(why, _ranked(others, octets), is_guess=True, doubt=why)
 
     def _asked(self, octets: bytes) -> Group:
-        """Those that a user asked for; of these, those that the header announces."""
+        """Return the messages of --edition; if the header announces some of them, only these."""
         why = "it was asked for"
         if self._is_forced:
             return Group(why, _ranked(self._known, octets))
@@ -185,7 +189,7 @@ class Identifier:
 
 
 def _of_others(owners: Sequence[Message], asked: Sequence[Message], octets: bytes) -> Unknown:
-    """Octets whose header is that of editions that were not asked for."""
+    """Return the result for octets whose header belongs to other editions than --edition."""
     strict = [one for one in owners if not one.form_of]
     owned = names(sorted(strict, key=lambda one: (one.type, one.rank)))
     header = f"header: messageID {octets[1]} and protocolVersion {octets[0]}"
@@ -194,7 +198,7 @@ def _of_others(owners: Sequence[Message], asked: Sequence[Message], octets: byte
 
 
 def _by_version(group: Group, octets: bytes) -> Group:
-    """The group's editions that have the header's protocolVersion; where none has it all, which is doubtful."""
+    """Return the group's editions with the header's protocolVersion. If none has it, return all, with a doubt."""
     version = octets[0] if octets else -1
     fits = [message for message in group.messages if version in message.versions]
     if fits:
@@ -210,7 +214,7 @@ def _ranked(messages: Sequence[Message], octets: bytes) -> list[Message]:
 
 
 def _tries(group: Group, octets: bytes, is_quick: bool) -> list[Try]:
-    """Trials in the order of preference; a quick look ends with the first that is exact and knows every part."""
+    """Return trials in order of preference. A quick search ends at the first exact one that decodes everything."""
     tries: list[Try] = []
     kind = ""
     for message in group.messages:
@@ -226,7 +230,7 @@ def _tries(group: Group, octets: bytes, is_quick: bool) -> list[Try]:
 
 
 def _is_apart(message: Message, group: Group, octets: bytes) -> bool:
-    """Return whether the other form of the message cannot come before it."""
+    """Return whether the other form of the message cannot be preferred to it."""
     return not any(are_forms(message, other) for other in group.messages) or is_valid(message, octets)
 
 
@@ -261,7 +265,7 @@ def _identity(group: Group, tries: Sequence[Try], decoded: Sequence[Try], octets
 
 
 def _told_of_forms(message: Message, tries: Sequence[Try]) -> str:
-    """Return a reason: a less preferred form of the message does not decode; empty if there is none."""
+    """Return a reason if a less preferred form of the message does not decode; else empty."""
     behind = tries[[one.message for one in tries].index(message) + 1 :]
     for other in (one.message for one in behind if one.refusal is not None and are_forms(one.message, message)):
         return f"the form {other.name} ({'with' if other.form_of else 'without'} extension bit) does not decode"

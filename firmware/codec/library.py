@@ -1,32 +1,34 @@
-"""The message library as the commands see it: the built module `captain_messages`, imported when it is needed.
+"""Message library: imports the built module `captain_messages` on demand.
 
-Its contract is asn1/README.md. The Protocols say what of it is used here.
+The Protocols contain the members that are used here. The full interface is in asn1/guide/python-functions.md.
 """
 
 from collections.abc import Sequence
 from typing import Protocol, cast
 
-from board.describe import remedy
-from board.errors import RequestError, StationError
-from drivers.wire.v2n_type import Type
+from board.runtime.describe import remedy
+from board.runtime.errors import RequestError, StationError
+from drivers.wire.type_tree import Type
 
 FORM = "-ext"  # suffix of the -ext form (asn1/editions.toml, form_of)
 
 
 class NoLibraryError(StationError):
-    """The program was installed without the message library."""
+    """The message library is not installed."""
 
 
 class Step(Protocol):
-    """One stretch of bits of a message, or where a container begins or ends.
+    """Consecutive bits of a message with one meaning, or the begin or end of a container.
 
-    what   "value", "enter", "leave", "extension bit", "presence", "length", "choice", "open", "unknown", "padding".
-    bit, width  where it begins in the message, and how many bits it has.
+    The kind `what` is "value", "enter", "leave", "extension bit", "presence", "length", "choice", "open", "unknown" or
+    "padding".
+
+    bit, width  offset in the message and number of bits.
     path   "cam.camParameters.basicContainer.stationType".
-    type   name of the type in the standard; empty where it has none.
+    type   name of the type in the standard; empty without a name.
     text   the value as message.text() writes it: "2028 (20.28 m/s)".
-    unit   of a value of 1: "0.01 m/s"; empty without one.
-    clause  of X.691, whose rule these bits follow.
+    unit   unit of the value: "0.01 m/s"; empty without one.
+    clause  clause of X.691 for these bits.
     """
 
     @property
@@ -87,7 +89,10 @@ class Message(Protocol):
 
 
 class Library(Protocol):
-    """The module. What its functions raise is a ValueError with path and reason; on decoding, with bit."""
+    """Interface of the module.
+
+    Its functions raise ValueErrors with path and reason; those of decoding also with bit.
+    """
 
     def all(self) -> Sequence[Message]: ...
     def find(self, name: str, /) -> Message: ...
@@ -95,7 +100,7 @@ class Library(Protocol):
 
 
 def load() -> Library:
-    """The message library. Raises NoLibraryError."""
+    """Load the message library. Raises NoLibraryError if it cannot be imported."""
     try:
         import captain_messages
     except ImportError as error:
@@ -111,9 +116,11 @@ def strict_name(edition: str) -> str:
 
 
 def editions(library: Library, asked: str | None) -> list[Message]:
-    """The messages that `--edition` names: one edition ("cam-1.4.1"), all of a type ("cam"); without it all.
+    """Return the messages that `--edition` selects, sorted by type and rank.
 
-    Raises RequestError that names what there is.
+    asked  an edition ("cam-1.4.1"), or a type ("cam") for all its editions; None for all messages.
+
+    Raises RequestError for an unknown name, with the known ones.
     """
     known = sorted(library.all(), key=lambda message: (message.type, message.rank))
     if asked is None:

@@ -1,43 +1,51 @@
-"""The live table of received messages: a row for each type and station, with what the last message says."""
+"""Live table of received messages: a row per type and station.
+
+Each row shows the contents of its last message.
+"""
 
 import time
-from collections.abc import Iterator, Sequence
+from bisect import bisect_left
+from collections.abc import Sequence
 
-from firmware.codec.decoding import Decoder, UndecodableError
-from firmware.codec.fields import glance
-from firmware.codec.identify import Identity, Unknown
-from firmware.codec.reading import Pdu
-from firmware.user.listening import Listening
-from firmware.user.received import Message
-from firmware.user.table import Screen, Table
-from firmware.user.tally import HEADS, Row, Tally, cells, doubt
+from firmware.client.listening import Listening
+from firmware.client.received import Message
+from firmware.client.show.table import Screen, Table, plain, width_of
+from firmware.client.show.tally import HEADS, OTHERS, Tally, TallyRow, cells, doubt, order
+from firmware.codec.decoding import Decoder
+from firmware.codec.identify import Unknown
+from firmware.codec.rows import DECODED_HEADS, EXPLAINED, cells_of, notes, whose
 
-SAYS = "says"
-# In the place of the sizes: both do not fit a terminal of 80 columns.
-SIZES = HEADS.index(">octets")
-DECODED_HEADS = (*HEADS[:SIZES], *HEADS[SIZES + 1 :], SAYS)
-TOLD_IN_FULL = 3  # rows whose last undecodable message is explained below the table
+SUM_HEADS = ("type", ">stations", ">count", ">per s")
+MOST_SUMS = 6  # types shown separately on a terminal; the rest is one line
+KEYS = ": arrows, Page Up, Page Down, Home and End; q ends"
 
 
 class Live:
-    """Counts messages and draws the table: often on a terminal, the rows that changed every second elsewhere.
+    """Counts messages and draws the table.
 
-    decoder  None: what messages say is not shown.
+    A terminal is redrawn at each call; keys scroll to rows without room, and the uppermost row stays while other rows
+    appear. Elsewhere the rows that changed are printed every second.
+
+    decoder   decodes the last messages; None: do not show their contents.
+    has_keys  the terminal has keys, which are passed to press().
     """
 
-    def __init__(self, screen: Screen, listening: Listening, decoder: Decoder | None) -> None:
+    def __init__(self, screen: Screen, listening: Listening, decoder: Decoder | None, has_keys: bool = False) -> None:
         self._tally = Tally()
         self._screen = screen
         self._listening = listening
         self._decoder = decoder
+        self._has_keys = has_keys
         self._marked = time.monotonic()
+        self._uppermost: tuple[int, str, int] | None = None  # sort key of the uppermost visible row; None for the first
+        self._room = 1  # rows
 
     @property
     def total(self) -> int:
         return self._tally.total
 
     def add(self, message: Message) -> None:
-        """Count a message; whether it decodes is looked at for each, so that none of those is missed."""
+        """Count a message. Each one is decoded, so that no undecodable one is missed."""
         is_bad = self._decoder is not None and isinstance(self._decoder.find(message.pdu, is_quick=True), Unknown)
         self._tally.add(message, time.monotonic(), is_bad)
 
@@ -50,19 +58,72 @@ class Live:
             self._tally.mark(now)
             self._marked = now
 
+    def press(self, key: str, now: float) -> None:
+        """Scroll by a key of Keyboard, and redraw. now: monotonic time in seconds."""
+        rows = self._tally.rows()
+        steps = {
+            "up": -1,
+            "down": 1,
+            "page up": -self._room,
+            "page down": self._room,
+            "home": -len(rows),
+            "end": len(rows),
+        }
+        top = self._top(rows, steps.get(key, 0))
+        self._uppermost = order(rows[top]) if top else None
+        self.draw(now)
+
     def draw(self, now: float, is_last: bool = False) -> None:
-        most = max(1, self._screen.height - 4 - TOLD_IN_FULL)
-        rows = self._tally.rows(most)
-        if not (self._screen.is_terminal or is_last):
-            rows = [row for row in rows if row.last >= self._marked]
-        if self._decoder is None:
-            doubts = [f"{_whose(row)}: {doubt(row)}" for row in rows if row.implausible][:TOLD_IN_FULL]
-            table = Table(self._title(now), HEADS, [cells(row, now) for row in rows], doubts)
-        else:
-            decoder = self._decoder
-            notes = list(_notes([row for row in rows if row.bad], decoder))
-            table = Table(self._title(now), DECODED_HEADS, [_cells(row, now, decoder) for row in rows], notes)
-        self._screen.show([table])
+        """Show the tables. is_last: show all rows, if the screen is not a terminal."""
+        rows = self._tally.rows()
+        if not self._screen.is_terminal:
+            rows = rows if is_last else [row for row in rows if row.last >= self._marked]
+            sums = self._sums(now) if is_last else []
+            self._screen.show(self._tables(now, sums, rows, self._notes(rows)))
+            return
+        sums, below = self._sums(now), self._notes(rows)
+        width = width_of(self._screen.stream)
+        taken = sum(len(plain(table, width)) for table in self._tables(now, sums, [], below))
+        room = self._screen.height - taken - (2 if sums else 1)  # heading lines, and a blank line between two tables
+        self._room = max(1, room if len(rows) <= room else room - 1)
+        if len(rows) > self._room:
+            top = self._top(rows)
+            shown = rows[top : top + self._room]
+            below.append(f"rows {top + 1} to {top + len(shown)} of {len(rows)}{KEYS if self._has_keys else ''}")
+            rows = shown
+        self._screen.show(self._tables(now, sums, rows, below))
+
+    def _top(self, rows: Sequence[TallyRow], step: int = 0) -> int:
+        """Return the index of the uppermost visible row."""
+        top = 0 if self._uppermost is None else bisect_left(rows, self._uppermost, key=order)
+        return max(0, min(top + step, len(rows) - self._room))
+
+    def _tables(
+        self, now: float, sums: Sequence[Sequence[str]], rows: Sequence[TallyRow], below: Sequence[str]
+    ) -> list[Table]:
+        decoder = self._decoder
+        heads = HEADS if decoder is None else DECODED_HEADS
+        lines = [cells(row, now) if decoder is None else cells_of(row, now, decoder) for row in rows]
+        if not sums:
+            return [Table(self._title(now), heads, lines, below)]
+        return [Table(self._title(now), SUM_HEADS, sums), Table("", heads, lines, below)]
+
+    def _sums(self, now: float) -> list[tuple[str, ...]]:
+        """Return a row per type; the last one sums up the rest. Empty while no type has more than one station."""
+        sums = self._tally.sums()
+        if all(stations < 2 for _, stations in sums):
+            return []
+        if self._screen.is_terminal and len(sums) > MOST_SUMS:
+            rest = TallyRow(OTHERS, None)
+            for row, _ in sums[MOST_SUMS - 1 :]:
+                rest.fold(row)
+            sums = [*sums[: MOST_SUMS - 1], (rest, sum(stations for _, stations in sums[MOST_SUMS - 1 :]))]
+        return [_sum_cells(row, stations, now) for row, stations in sums]
+
+    def _notes(self, rows: Sequence[TallyRow]) -> list[str]:
+        if self._decoder is not None:
+            return list(notes([row for row in rows if row.bad], self._decoder))
+        return [f"{whose(row)}: {doubt(row)}" for row in rows if row.implausible][:EXPLAINED]
 
     def _title(self, now: float) -> str:
         place, pairing = self._listening.place, self._listening.pairing
@@ -78,40 +139,6 @@ class Live:
         return "  ".join(parts)
 
 
-def _cells(row: Row, now: float, decoder: Decoder) -> tuple[str, ...]:
-    usual = cells(row, now)
-    said = "  ".join(filter(None, (doubt(row), _says(row, decoder))))
-    return (*usual[:SIZES], *usual[SIZES + 1 :], said)
-
-
-def _says(row: Row, decoder: Decoder) -> str:
-    """What the last message says, or why it does not decode; and how many did not."""
-    bad = f"! {row.bad} bad" if row.bad else ""
-    if not row.pdu:
-        return bad
-    found = decoder.find(row.pdu)
-    if isinstance(found, Identity):
-        try:
-            said = glance(found.message, row.pdu)
-            said = f"{found.message.name}: {said}" if found.message.form_of else said
-        except (ValueError, MemoryError) as error:  # it decodes, and yet Python does not hold it
-            said = f"! {error}"
-        doubt = f"? {found.message.name}: {found.doubt}" if found.doubt else ""
-        return "  ".join(part for part in (said, bad, doubt) if part)
-    return f"{bad}: {found.why if found.nearest is None else found.nearest}"
-
-
-def _whose(row: Row) -> str:
-    return f"{row.type or '(no name)'} of station {row.station}"
-
-
-def _notes(rows: Sequence[Row], decoder: Decoder) -> Iterator[str]:
-    """The last undecodable message of each row, and its likeliest cause."""
-    for row in [row for row in rows if row.bad_pdu][:TOLD_IN_FULL]:
-        origin = _whose(row)
-        try:
-            decoder.identify(Pdu(row.bad_pdu, origin), is_quick=True)
-        except UndecodableError as error:
-            yield f"! {error.message}; {error.hint}: {row.bad_pdu[:64].hex()}"
-    if len(rows) > TOLD_IN_FULL:
-        yield f"! {len(rows) - TOLD_IN_FULL} more rows have messages that do not decode"
+def _sum_cells(row: TallyRow, stations: int, now: float) -> tuple[str, ...]:
+    rate = row.rate(now)
+    return row.type or "(no name)", str(stations), str(row.count), "" if rate is None else f"{rate:.1f}"

@@ -1,6 +1,6 @@
-"""PDUs and JSON objects from a user's arguments, files, folders and standard input, whatever form they are in.
+"""Reader of PDUs and JSON objects from arguments, files, folders and standard input.
 
-What is wrong is one item of the stream like the rest, so that the next one is still read.
+It detects the format. An error is an item of the stream, so that the next message is still read.
 """
 
 import codecs
@@ -11,28 +11,30 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, TypeAlias
 
-from board.errors import ProtocolError, RequestError
-from firmware.codec import capture, foreign, layers, mcap
-from firmware.user import json_texts
-from firmware.user.payload import base64_octets, hex_octets
+from board.runtime.errors import ProtocolError, RequestError
+from firmware import file_remedy
+from firmware.client.sending import json_texts
+from firmware.client.sending.payload import base64_octets, hex_octets
+from firmware.codec import foreign
+from firmware.recordings import capture, layers, mcap, reception
 
 FORMS = ("hex", "base64", "binary", "json", "pcap", "mcap")
 STANDARD_INPUT = "standard input"
 
-MAX_PDU = 0xFFFF  # octets; a station sends at most 1500, a file may hold what was never sent
+MAX_PDU = 0xFFFF  # octets; a station sends at most 1500, but files may contain longer messages
 MAX_LINE = 16 << 20  # octets
 
-# What a name without its file would have: it shall not be complained about as hexadecimal.
+# Suffix of a file name. If the file is missing, its name must not be reported as invalid hexadecimal digits.
 _SUFFIX = re.compile(r"\.[a-z][a-z0-9]{2,6}$", re.IGNORECASE)
 _HEX = re.compile(r"(0x)?[0-9a-fA-F: \t]*")
-# protocolVersion is small, so that the base64 of an ITS PDU begins with A; a slip in hexadecimal digits does not.
+# protocolVersion is small, so the base64 of an ITS PDU begins with A. Misspelt hexadecimal digits do not match.
 _BASE64 = re.compile(r"A(?:[A-Za-z0-9+/]{4})*[A-Za-z0-9+/](?:[A-Za-z0-9+/]{2}|[A-Za-z0-9+/]=|==)")
-# A recorder gives files of its ring another name to keep them; the number behind it says when they were written.
+# Prefix of kept files of a recorder. They sort among the files of its ring, by the time in their names.
 _KEPT = re.compile(r"^kept(?=-\d{8}-)")
 _OCTET = re.compile(r"[0-9a-fA-F]{2}")
 _ACCEPTED = (
     "accepted are hexadecimal digits, base64, JSON objects with `hex` or `base64`, and names of files that hold these, "
-    "octets or a capture; or say --from"
+    "octets or a capture; or say --format"
 )
 _TEXT = frozenset(b"\t\r\n") | frozenset(range(0x20, 0x7F))
 
@@ -40,11 +42,11 @@ _TEXT = frozenset(b"\t\r\n") | frozenset(range(0x20, 0x7F))
 class Pdu(NamedTuple):
     """A message in its octets.
 
-    origin   where it stood: "cam.pcap: frame 3".
-    port     BTP port that it came by; None where it is not known.
-    when_ns  Unix time; None where it is not known.
-    carried  by which layers; empty for a bare PDU.
-    frame    the whole Ethernet frame; empty where it came in none.
+    origin   its place in the input: "cam.pcap: frame 3".
+    port     BTP port; None if unknown.
+    when_ns  Unix time of reception in ns; None if unknown.
+    carried  names of the layers around it; empty for a bare PDU.
+    frame    the whole Ethernet frame; empty without one.
     """
 
     octets: bytes
@@ -56,7 +58,7 @@ class Pdu(NamedTuple):
 
 
 class Object(NamedTuple):
-    """A JSON object."""
+    """A JSON object, with its place in the input."""
 
     value: dict[str, object]
     origin: str
@@ -68,8 +70,8 @@ Item: TypeAlias = Pdu | Object | RequestError
 class Reader:
     """Reads sources one after the other.
 
-    form     one of FORMS for all of them; None: each as it looks.
-    skipped  what captures held beside messages: frames by what they are.
+    form     one of FORMS for all sources; None: detect it for each.
+    skipped  number of frames without a message, by kind.
     """
 
     def __init__(self, form: str | None, standard_input: BinaryIO) -> None:
@@ -78,9 +80,9 @@ class Reader:
         self._standard_input = standard_input
 
     def read(self, sources: Sequence[str]) -> Iterator[Item]:
-        """The items of files, folders, `-` for standard input, or text that is none of these.
+        """Yield the items of files, folders, `-` for standard input, or a message given as text.
 
-        A capture without a frame is told where nothing else is read: a ring has such beside others.
+        An empty capture is an error only if it is the only source: a ring may contain some.
         """
         is_any = False
         for item in self._all(sources):
@@ -92,7 +94,8 @@ class Reader:
 
     def _all(self, sources: Sequence[str]) -> Iterator[Item]:
         if len(sources) > 1 and all(_OCTET.fullmatch(source) for source in sources):
-            sources = ["".join(sources)]  # one message, its octets parted by blanks
+            # arguments of two digits each are one message, typed with blanks between its octets
+            sources = ["".join(sources)]
         for source in sources:
             if source == "-":
                 yield from self._stream(self._standard_input, STANDARD_INPUT)
@@ -113,7 +116,7 @@ class Reader:
         try:
             files = [entry for entry in path.iterdir() if entry.is_file()]
         except OSError as error:
-            yield RequestError(f"{path}: {error.strerror}")
+            yield RequestError(f"{path}: {error.strerror}", file_remedy.to_read(error))
             return
         if not files:
             yield RequestError(f"{path}: it holds no file")
@@ -125,12 +128,12 @@ class Reader:
             with path.open("rb") as stream:
                 yield from self._stream(stream, str(path))
         except OSError as error:
-            yield RequestError(f"{path}: {error.strerror}")
+            yield RequestError(f"{path}: {error.strerror}", file_remedy.to_read(error))
 
     def _stream(self, stream: BinaryIO, where: str) -> Iterator[Item]:
-        """Octets that are no text are a capture or one PDU."""
+        """Yield the items of a stream. Octets that are not text are a capture or one PDU."""
         form, head = self._form, stream.read(4)
-        if head.startswith(codecs.BOM_UTF8):  # of Windows' editors
+        if head.startswith(codecs.BOM_UTF8):  # byte order mark of Windows editors
             head = head[len(codecs.BOM_UTF8) :] + stream.read(len(codecs.BOM_UTF8))
         if form is None and capture.is_capture(head):
             form = "pcap"
@@ -156,7 +159,7 @@ class Reader:
 
     def _recording(self, head: bytes, stream: BinaryIO, where: str) -> Iterator[Item]:
         try:
-            for one in mcap.messages(head, stream, self.skipped):
+            for one in reception.receptions(head, stream, self.skipped):
                 yield Pdu(one.pdu, f"{where}: message {one.number}", one.port or None, one.when_ns)
         except ProtocolError as error:
             yield RequestError(f"{where}: {error.message}")
@@ -173,11 +176,11 @@ class Reader:
             self.skipped[found.what] += 1
             return
         whole = frame.octets if frame.link == capture.ETHERNET else b""
-        when = frame.when_ns or None  # 1970 is what is written where no time is known
+        when = frame.when_ns or None  # captures without time have time 0
         yield Pdu(found.pdu, origin, found.btp_port, when, str(found), whole)
 
     def _lines(self, lines: Iterable[bytes], where: str, is_one: bool = False) -> Iterator[Item]:
-        """Lines of text; those of an object in JSON belong together."""
+        """Yield the items of text lines. The lines of one JSON object belong together."""
         count = 0
         texts = json_texts.split(_decoded(lines))
         for begin, text in texts:
@@ -210,7 +213,10 @@ class Reader:
 
 
 def opened(octets: bytes, origin: str) -> Pdu:
-    """A PDU; of a whole frame with GeoNetworking, what it carries. Raises RequestError."""
+    """Return a PDU; for a whole frame with GeoNetworking, the PDU inside.
+
+    Raises RequestError for a frame without an ITS message, and for a malformed frame.
+    """
     link = layers.link_of(octets)
     if link is None:
         return Pdu(octets, origin)
@@ -224,7 +230,10 @@ def opened(octets: bytes, origin: str) -> Pdu:
 
 
 def pdu_of(one: Pdu | Object) -> Pdu:
-    """The octets, of an object its `hex` or `base64`: `captain listen --json` prints such. Raises RequestError."""
+    """Return the PDU of an item; of a JSON object its `hex` or `base64`, as of `captain listen --json`.
+
+    Raises RequestError if an object has neither.
+    """
     if isinstance(one, Pdu):
         return one
     for key in ("hex", "base64"):
@@ -238,7 +247,7 @@ def pdu_of(one: Pdu | Object) -> Pdu:
 
 
 def when_ns(one: Object) -> int | None:
-    """Unix time from the key `received`, in seconds there."""
+    """Return the Unix time in ns from the key `received`, which is in seconds."""
     received = one.value.get("received")
     if isinstance(received, bool) or not isinstance(received, int | float) or not 0 <= received < 2**32:
         return None
@@ -246,7 +255,7 @@ def when_ns(one: Object) -> int | None:
 
 
 def port_of(one: Object) -> int | None:
-    """BTP port from the key `btp_port`."""
+    """Return the BTP port from the key `btp_port`."""
     port = one.value.get("btp_port")
     return port if isinstance(port, int) and not isinstance(port, bool) and 0 <= port <= 0xFFFF else None
 
@@ -259,7 +268,7 @@ def _objects(text: str, origin: str) -> Iterator[Item]:
         if isinstance(item, dict):
             yield Object(item, where)
         else:
-            yield RequestError(f"{where}: {str(item)[:40]!r} is no object")
+            yield RequestError(f"{where}: {str(item)[:40]!r} is not an object")
 
 
 def _is_file(source: str, form: str | None) -> bool:
@@ -268,7 +277,7 @@ def _is_file(source: str, form: str | None) -> bool:
     try:
         if os.path.exists(source):
             return True
-    except ValueError:  # a 0 in it
+    except ValueError:  # a NUL in the path
         return False
     could_be_base64 = form == "base64" or (form is None and _BASE64.fullmatch(source) is not None)
     return not could_be_base64 and ("/" in source or _SUFFIX.search(source) is not None)
@@ -278,7 +287,7 @@ def _bounded(octets: bytes, where: str) -> Item:
     if not octets:
         return RequestError(f"{where}: it holds no message")
     if len(octets) > MAX_PDU:
-        return RequestError(f"{where}: more than {MAX_PDU} octets are no PDU")
+        return RequestError(f"{where}: more than {MAX_PDU} octets: too long for a PDU")
     try:
         return opened(octets, where)
     except RequestError as error:
@@ -286,7 +295,7 @@ def _bounded(octets: bytes, where: str) -> Item:
 
 
 def _lines(head: bytes, stream: BinaryIO) -> Iterator[bytes]:
-    """The lines of a stream whose first octets were read already."""
+    """Yield the lines of a stream whose first octets were already read."""
     if not head.endswith(b"\n"):
         head += stream.readline(MAX_LINE)
     yield from head.splitlines(keepends=True)
@@ -295,6 +304,6 @@ def _lines(head: bytes, stream: BinaryIO) -> Iterator[bytes]:
 
 
 def _decoded(lines: Iterable[bytes]) -> Iterator[str]:
-    """Decode lines; invalid UTF-8 becomes escapes, which the reader of hexadecimal refuses with their place."""
+    """Decode lines. Invalid UTF-8 becomes escapes, which the hexadecimal reader then refuses with their place."""
     for line in lines:
         yield line.decode(errors="backslashreplace")

@@ -1,4 +1,4 @@
-"""A decoded message on a screen."""
+"""Text of a decoded message for a screen."""
 
 import textwrap
 
@@ -8,7 +8,11 @@ from firmware.printable import clean
 
 
 def tree(pdu: Pdu, found: Identity, width: int) -> str:
-    """Heading, reasons for and doubts of the edition, fields, an empty line."""
+    """Return a decoded message as text for a screen.
+
+    It has a heading, reasons for and doubts about the edition, the fields, and an empty line. width: of the reasons, in
+    columns.
+    """
     head = f"{found.message.name}: {found.message.standard}, {len(pdu.octets)} octets, {pdu.origin}"
     if pdu.carried:
         head += f" ({pdu.carried})"

@@ -1,4 +1,4 @@
-"""Messages written in the form that a user asks for."""
+"""Writers of messages: hexadecimal, base64, binary, JSON, pcap."""
 
 import argparse
 import base64
@@ -8,17 +8,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-from board.errors import RequestError, StationError
+from board.runtime.errors import RequestError, StationError
 from drivers.message import Ego, Position, Request
 from drivers.wire import frame
-from drivers.wire.geonet_sender import Sender
-from firmware.codec import capture
+from drivers.wire.geonet.sender import Sender
+from firmware.client.sending import payload
 from firmware.codec.decoding import Decoder, record
 from firmware.codec.foreign import message_frame
 from firmware.codec.library import NoLibraryError, load
 from firmware.codec.reading import Pdu
+from firmware.recordings import capture
 from firmware.topics import Topics
-from firmware.user import payload
 
 FORMS = (*payload.FORMATS, "pcap")
 SUFFIXES = {**payload.SUFFIXES, ".pcap": "pcap", ".cap": "pcap"}
@@ -29,11 +29,11 @@ _TYPES = Topics()
 
 class Writer(Protocol):
     def write(self, pdu: Pdu) -> None:
-        """Add a message. Raises RequestError where the form cannot hold it."""
+        """Add a message. Raises RequestError if the format cannot hold it."""
 
 
 class Output:
-    """Where a user wants messages: the stream is opened by the first one, so that nothing is left without any."""
+    """Output of messages. The file is opened for the first message, so that no empty file remains."""
 
     def __init__(self, form: str, path: str | None, edition: str | None, is_forced: bool = False) -> None:
         self._form = form
@@ -45,15 +45,19 @@ class Output:
 
     @property
     def keeps_octets(self) -> bool:
-        """Are octets written as they are, whatever they say?"""
+        """True if octets are written unchanged, even undecodable ones."""
         return self._form not in ("json", "pcap")
 
     def write(self, pdu: Pdu) -> None:
+        """Write a message; the first opens the file.
+
+        Raises StationError if it cannot be opened, and for binary on a terminal.
+        """
         if self._writer is None:
             self._writer = self._open()
         self._writer.write(pdu)
         if self._path is None and self._stream is not None:
-            self._stream.flush()  # whoever reads a pipe wants it now
+            self._stream.flush()  # the reader of a pipe must receive it at once
 
     def close(self) -> None:
         if self._path is not None and self._stream is not None:
@@ -66,7 +70,7 @@ class Output:
             self._stream = sys.stdout.buffer
         elif self._stream is None:
             try:
-                self._stream = Path(self._path).open("wb")  # noqa: SIM115 until close()
+                self._stream = Path(self._path).open("wb")  # noqa: SIM115 closed by close()
             except OSError as error:
                 raise StationError(f"{self._path}: {error.strerror}") from error
         return self._kind(self._stream)
@@ -102,13 +106,14 @@ class Base64:
 
 
 class Binary:
-    """One message: nothing would say where a second one begins."""
+    """Writer of a single message as octets. A second one is refused, because a reader could not separate them."""
 
     def __init__(self, stream: BinaryIO) -> None:
         self._stream = stream
         self._is_full = False
 
     def write(self, pdu: Pdu) -> None:
+        """Write a message. Raises RequestError for a second one."""
         if self._is_full:
             raise RequestError(f"{pdu.origin}: binary holds one message only", "take --to hex, base64 or pcap")
         self._is_full = True
@@ -116,7 +121,7 @@ class Binary:
 
 
 class Json:
-    """Decoded, a message a line; the octets that do not decode are refused."""
+    """Writer of decoded messages, one per line. Undecodable octets are refused."""
 
     def __init__(self, stream: BinaryIO, decoder: Decoder) -> None:
         self._stream = stream
@@ -127,9 +132,9 @@ class Json:
 
 
 class Pcap:
-    """Ethernet frames: those that the messages came in, or single hop broadcasts of a station without a place.
+    """Writer of Ethernet frames: the original ones, or single-hop broadcasts of a station without a position.
 
-    A frame without a time is of the time 0: the same messages give the same file.
+    Frames without a time have time 0, so that the same messages give the same file.
     """
 
     def __init__(self, stream: BinaryIO) -> None:
@@ -141,7 +146,10 @@ class Pcap:
 
 
 def framed(pdu: Pdu) -> bytes:
-    """The frame around a bare PDU; its MAC address ends in the stationID. Raises RequestError without a BTP port."""
+    """Return an Ethernet frame for a bare PDU. Raises RequestError without a BTP port.
+
+    Its MAC address ends in the stationID.
+    """
     if (other := message_frame(pdu.octets)) is not None and pdu.port is None:
         raise RequestError(f"{pdu.origin}: {other}")
     kind = _TYPES.by_number[pdu.octets[1]] if len(pdu.octets) > 1 else _TYPES.unknown
@@ -155,7 +163,7 @@ def framed(pdu: Pdu) -> bytes:
 
 
 def _port_by_library(pdu: Pdu) -> int | None:
-    """Of an experimental message; None where the library does not know it, or is not here."""
+    """Return the BTP port of an experimental message; None if the library lacks it or is not installed."""
     try:
         return Decoder(load()).identify(pdu, is_quick=True).message.btp_port or None
     except (NoLibraryError, RequestError):
@@ -163,19 +171,22 @@ def _port_by_library(pdu: Pdu) -> int | None:
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:
-    """--to and -o; output() uses them."""
-    parser.add_argument("--to", choices=FORMS, help="what to write (default: as the name of FILE says)")
-    parser.add_argument("-o", "--output", metavar="FILE", help="where to write (default: standard output)")
+    """Add the options --to and -o, which output() reads."""
+    parser.add_argument("--to", choices=FORMS, help="format to write (default: by the name of FILE)")
+    parser.add_argument("-o", "--output", metavar="FILE", help="file to write (default: standard output)")
 
 
 @contextmanager
 def output(arguments: argparse.Namespace, default: str) -> Iterator[Output]:
-    """What --to and -o name, closed at the end. Raises RequestError for a name that says nothing known."""
+    """Open the output that --to and -o specify, and close it at the end.
+
+    Raises RequestError for a file name with an unknown suffix, without --to.
+    """
     suffix = Path(arguments.output).suffix.lower() if arguments.output else ""
     form = arguments.to or SUFFIXES.get(suffix)
     if form is None and suffix:
         raise RequestError(
-            f"{arguments.output}: {suffix} is no form that is written", f"say --to, or take {', '.join(SUFFIXES)}"
+            f"{arguments.output}: {suffix}: unknown output format", f"say --to, or take {', '.join(SUFFIXES)}"
         )
     out = Output(form or default, arguments.output, arguments.edition, arguments.force)
     try:

@@ -1,20 +1,22 @@
-"""captain board: what the board under the station is, and what it measures."""
+"""captain board: shows the board of a station, its measurements and its start."""
 
 import argparse
 import json
 import sys
 from collections.abc import Iterator, Mapping
 
-from firmware.user import board, client
-from firmware.user.arguments import add_control, address
-from firmware.user.table import Screen, Table, lines_of, plain, width_of
-from firmware.user.untrusted import listed, number, text, texts, within
+from firmware.client import client
+from firmware.client.arguments import add_control, address
+from firmware.client.show.status import board
+from firmware.client.show.table import Screen, Table, lines_of, plain, width_of
+from firmware.untrusted import listed, number, text, texts, within
 
 DESCRIPTION = """\
-Shows the board under a running station of this machine: its identity, its
-slots with what sits in them, rails, temperatures and fan as they were read
-last, what is wrong with them, and the time line of the station's start with
-what each module waited for: on a terminal as much of its end as fits.
+Shows the board of a running station on this machine: identity, slots with
+their devices, rails, temperatures, fan, and problems.
+
+The time line of the start shows what each module waited for. On a terminal
+only the part that fits is shown, the latest last.
 """
 EPILOG = """\
 examples:
@@ -30,7 +32,7 @@ exit codes:
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("ask", choices=("show",), help="what to do")
+    parser.add_argument("ask", choices=("show",), help="action")
     parser.add_argument("--json", action="store_true", help="one JSON object: board and timeline")
     add_control(parser)
 
@@ -45,18 +47,18 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def fitting(shown: list[Table], width: int, height: int) -> list[Table]:
-    """What fits into a terminal: the time line, which is the last, keeps its end."""
+    """Return the tables with a shortened time line, so that all fit the terminal; the time line keeps its end."""
     *above, line = shown
     whole = [len(plain(table, width)) + 1 for table in shown]
     if sum(whole) <= height:
         return shown
-    kept = max(0, height - sum(whole[:-1]) - 4)  # beside its title, heads and note, and an empty line behind
+    kept = max(0, height - sum(whole[:-1]) - 4)  # 4: title, headings, note and an empty line
     note = f"the last {kept} of {len(line.rows)}; `captain board show | less` has all"
     return [*above, line._replace(rows=line.rows[len(line.rows) - kept :], notes=[note])]
 
 
 def tables(answer: Mapping[str, object]) -> Iterator[Table]:
-    """What is shown of an answer to `board`."""
+    """Yield the tables of an answer to `board`."""
     told = within(answer, "board")
     if told:
         yield Table(board.title(told))

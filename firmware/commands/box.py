@@ -1,4 +1,4 @@
-"""captain box: the owner's files of a box's card, before they are in it."""
+"""captain box: checks the owner's files of a box's card."""
 
 import argparse
 import errno
@@ -6,50 +6,59 @@ import tempfile
 import time
 from pathlib import Path
 
-from board.errors import ConfigurationError, InterfaceError, UsageError
-from firmware import board_file
-from firmware.box import owner
-from firmware.box.store import Store
-from firmware.box.verdict import Verdict, verdict
+from board.runtime.errors import ConfigurationError, InterfaceError, UsageError
+from firmware.card import owner
+from firmware.card.store import Store
+from firmware.card.verdict import Verdict, verdict
+from firmware.config import board_file
 from firmware.printable import clean
 
 DESCRIPTION = """\
-Looks at the files that an owner puts on the first partition of a box's card,
-as the box itself will at its next start: captain.toml, box.toml,
-authorized_keys, board.toml, mqtt/, and what Raspberry Pi Imager writes there.
-Nothing is written. Each mistake is told with its file and line.
+Checks the owner's files on the first partition of a box's card, as the box
+does at its next start. The files are captain.toml, box.toml, authorized_keys,
+board.toml, mqtt/, lib/ and those of Raspberry Pi Imager. Reports each mistake
+with file and line. Writes nothing.
 """
 EPILOG = """\
 examples:
   captain box check /media/me/BOOT         the card, still in the laptop
-  captain box check ./my-box               a folder that is to be copied there
+  captain box check ./my-box               a folder, before you copy it to the card
 
 exit codes:
-  0    the box will take them
-  1    it will not; what it took before stays in force
+  0    the box will take the files
+  1    it will not; the last accepted set stays in force
   2    wrong usage
 """
-HINT = "name the folder that the card's first partition is mounted at"
+HINT = "name the mount point of the card's first partition"
 SCRATCH_HINT = "make room there, or set TMPDIR to a folder with 32 MB: the files are read from a copy"
-BOARD = "quad"  # of the image
+BOARD = "quad"  # board of the image
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("do", choices=("check", "apply"), metavar="check", help="what to do")
-    parser.add_argument("folder", type=_folder, metavar="DIR", help="the card's first partition, or a folder like it")
-    parser.add_argument("--board", default=BOARD, help=f"that the box has, without a board.toml (default {BOARD})")
-    # `apply` is for the box itself: captain-owner.service.
+    parser.add_argument("do", choices=("check", "apply"), metavar="check", help="check the files")
+    parser.add_argument(
+        "folder",
+        type=_folder,
+        metavar="DIR",
+        help="mount point of the card's first partition, or a folder with the same files",
+    )
+    parser.add_argument("--board", default=BOARD, help=f"board of the box, without a board.toml (default {BOARD})")
+    # `apply` and its options are for captain-owner.service on the box only.
     for option in ("--key", "--owner", "--defaults"):
         parser.add_argument(option, help=argparse.SUPPRESS)
 
 
 def _folder(text: str) -> Path:
     if not text:
-        raise argparse.ArgumentTypeError('"" is no name of a folder')
+        raise argparse.ArgumentTypeError('"": name a folder')
     return Path(text)
 
 
 def main(arguments: argparse.Namespace) -> int:
+    """Check the owner's files on a card, or apply them to the box.
+
+    Raises UsageError for apply without its two options, InterfaceError if the data partition cannot be written.
+    """
     return _apply(arguments) if arguments.do == "apply" else _check(arguments)
 
 
@@ -64,7 +73,7 @@ def _check(arguments: argparse.Namespace) -> int:
 
 
 def _board(board: str) -> str:
-    """The whole path of a sound one: it is read from another folder than the command is given in."""
+    """Return the absolute path of a valid board file, since the verdict runs in another folder. Raises UsageError."""
     try:
         board_file.load(board)
     except ConfigurationError as error:
@@ -74,20 +83,23 @@ def _board(board: str) -> str:
 
 def _apply(arguments: argparse.Namespace) -> int:
     if not (arguments.key and arguments.owner):
-        raise UsageError("apply is for the box itself", "`captain box check DIR` looks at a card")
+        raise UsageError("apply runs on the box only", "use `captain box check DIR`")
     store = Store(Path(arguments.owner))
     found = _verdict(arguments.folder, arguments.board, arguments.defaults)
     try:
         lines = owner.apply(found, store, arguments.key)
     except OSError as error:
         what = f"{error.filename or arguments.owner}: {error.strerror}"
-        raise InterfaceError(what, "is the data partition full?") from error
+        raise InterfaceError(what, "check the data partition: df /data") from error
     print(*map(clean, lines), sep="\n")
     return 0
 
 
 def _verdict(folder: Path, board: str, defaults: str | None) -> Verdict:
-    """What the box says of a folder. Raises InterfaceError: it, or the scratch beside it, cannot be read or written."""
+    """Return the box's verdict on a folder.
+
+    Raises InterfaceError if the folder cannot be read or the scratch copy not written.
+    """
     where = Path(tempfile.gettempdir())
     try:
         with tempfile.TemporaryDirectory(prefix="captain-box-") as scratch:

@@ -1,36 +1,36 @@
-"""captain convert: messages from one form into another."""
+"""captain convert: converts messages from one format to another."""
 
 import argparse
 
+from firmware.client.show.failures import Failures
 from firmware.codec import library, writing
 from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each
 from firmware.codec.decoding import Decoder
 from firmware.codec.encoding import Wish, encode
 from firmware.codec.foreign import message_frame
 from firmware.codec.reading import Object, Pdu, pdu_of, port_of, when_ns
-from firmware.user.failures import Failures
 
 DESCRIPTION = f"""\
-Writes messages in another form: hexadecimal, base64, binary, JSON (decoded),
-pcap (in GeoNetworking and Ethernet frames). The octets stay as they are: nothing
-is converted from one edition of a standard to another.
+Writes messages in another format: hexadecimal, base64, binary, JSON (decoded),
+pcap (GeoNetworking in Ethernet frames). The octets of a message do not change:
+it is never converted to another edition of its standard.
 
 {FORMS_HELP}
-An object in JSON may have `edition` and `message` in place of the octets.
+A JSON object may have `edition` and `message` in place of the octets.
 """
 EPILOG = """\
 examples:
   captain convert drive.pcapng --to hex       the messages of a capture
   captain convert drive.pcapng -o drive.jsonl
-                                              decoded, an object a line
+                                              decoded, one object per line
   captain convert cams.hex -o cams.pcap       for Wireshark
-  captain convert --from base64 --to hex AgIAAAU5AAECAw==
+  captain convert --format base64 --to hex AgIAAAU5AAECAw==
   captain convert drive.jsonl -o denm.b64 --edition denm
-                                              refuses what is no DENM
+                                              refuses other types than DENM
 
 exit codes:
   0    every message was converted
-  1    a message was not converted (the others were), or there was none
+  1    a message was not converted (the others were), or the input was empty
   2    wrong usage
   130  Ctrl-C
 """
@@ -57,11 +57,11 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 class Conversion:
-    """Octets of whatever a user gave; the message library is loaded when an item needs it.
+    """Converts input items to PDUs; loads the message library only when an item needs it.
 
-    edition    as `--edition` has it: then every message has to be of it.
-    failures   is warned of messages whose header no edition has.
-    is_forced  `--force`: the header has no say in it.
+    edition    value of `--edition`: all messages must be of it; None: any edition.
+    failures   receives warnings about encoded messages.
+    is_forced  `--force`: ignore the header.
     """
 
     def __init__(self, edition: str | None, failures: Failures, is_forced: bool = False) -> None:
@@ -71,14 +71,14 @@ class Conversion:
         self._decoder: Decoder | None = None
 
     def octets(self, item: Pdu | Object) -> Pdu:
-        """Raises RequestError where there are none, or not of the edition."""
+        """Return the PDU of an item. Raises RequestError if it has none, or is not of the edition."""
         pdu = self._from_json(item) if isinstance(item, Object) else item
         if self._edition is not None:
             self._codec().identify(pdu, is_quick=True)
         return pdu
 
     def _from_json(self, one: Object) -> Pdu:
-        """Octets come before fields: they are exact."""
+        """Return the PDU of a JSON object; given octets are preferred to fields, since they are exact."""
         if "hex" in one.value or "base64" in one.value:
             return pdu_of(one)
         known = self._codec().known

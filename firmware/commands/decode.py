@@ -1,51 +1,59 @@
-"""captain decode: octets of messages to their fields."""
+"""captain decode: decodes messages and shows their fields."""
 
 import argparse
 import sys
 from collections.abc import Sequence
 
+from firmware.client.show.table import Table, lines_for, width_of
 from firmware.codec import library
 from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each, print_json
 from firmware.codec.decoding import Decoder, record
 from firmware.codec.library import Message
 from firmware.codec.reading import Object, Pdu, pdu_of
 from firmware.codec.showing import tree
-from firmware.user.table import Table, lines_for, width_of
 
 DESCRIPTION = f"""\
-Decodes messages and shows their fields with units and meanings. Type and
-edition are found by the ITS PDU header, by the BTP port of a capture and by
-trial: an edition fits that gives the same octets back. The output names the
-edition and the reason. The header selects the edition: a header that
-contradicts --edition is refused, unless --force. A warning lists other editions
-of the same protocolVersion that decode to different values.
+Decodes messages and shows their fields with units and meanings.
+
+It finds type and edition by the ITS PDU header, by the BTP port of a capture,
+and by trial. An edition fits if encoding gives the same octets again. The
+output names the edition and the reason. A warning lists other editions of the
+same protocolVersion that decode to different values. A header that contradicts
+--edition is refused, unless --force is given.
 
 {FORMS_HELP}"""
 EPILOG = """\
 examples:
   captain decode 02029b260aa393e6005a6f0d...  a CAM
   captain decode drive.pcapng                 every message of a capture
-  captain decode --json drive.pcapng          one JSON object a line
+  captain decode --json drive.pcapng          one JSON object per message
   captain decode --json 0202... | captain encode
                                               prints 0202... again
-  captain listen --json | captain decode      what a station receives
+  captain listen --json | captain decode      received messages
   captain decode --list                       all editions of the library
-JSON, one object a line:
-  edition, type, why, candidates (editions that give the same octets back, the
-        preferred one first), origin, octets, message (names and shapes of JER,
-        ITU-T X.697)
-  btp_port, received (Unix time in s), carried
-        of a capture
-  is_exact (false), hex
-        where the message is encoded to other octets than were decoded
-  warning, others (editions that decode to different values)
-        where the values may be wrong
-  error (reason, cause, edition, path, bit), hex
-        in place of `message` where it does not decode
+
+JSON, one object per message; test `error` first:
+  edition     edition, such as cam-1.4.1
+  type        type, such as cam
+  why         reason for the edition
+  candidates  editions that give the same octets again, the preferred one first
+  origin      place in the input
+  octets      length
+  message     fields; names and structure of JER (ITU-T X.697)
+  btp_port    BTP port of a captured message
+  received    its Unix time in s
+  carried     its layers
+  is_exact    false if encoding gives other octets; `hex` has the decoded ones
+  warning     why values may be wrong
+  others      editions that decode to different values
+
+JSON of an undecodable message, without `edition` and `message`:
+  error, hint, reason, path, bit, hex, and nearest_edition, which decodes the
+  most bits
 
 exit codes:
   0    every message was decoded
-  1    a message was not decoded (the others are shown), or there was none
+  1    a message did not decode (the others are shown), or the input was empty
   2    wrong usage
   130  Ctrl-C
 """
@@ -54,8 +62,10 @@ exit codes:
 def arguments(parser: argparse.ArgumentParser) -> None:
     add_input(parser)
     add_edition(parser)
-    parser.add_argument("--json", action="store_true", help="one JSON object a line for each message")
-    parser.add_argument("--list", action="store_true", help="the editions that the library has, and how they are known")
+    parser.add_argument("--json", action="store_true", help="one JSON object per message")
+    parser.add_argument(
+        "--list", action="store_true", help="list the editions of the library, with messageID and BTP port"
+    )
 
 
 def main(arguments: argparse.Namespace) -> int:

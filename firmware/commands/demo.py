@@ -1,8 +1,8 @@
-"""captain demo: two simulated stations and a user's program at each, watched live."""
+"""captain demo: starts two simulated stations with a user's program at each, and shows them live."""
 
 import argparse
-import json
 import math
+import shutil
 import sys
 import time
 from collections.abc import Sequence
@@ -12,34 +12,38 @@ from typing import NamedTuple
 
 import zmq
 
-import firmware
-from board.address import Address
-from board.errors import StationError
-from board.free_udp import free_udp
+from board.runtime.address import Address
+from board.runtime.free_udp import free_udp
+from firmware.client import client
+from firmware.client.arguments import seconds
+from firmware.client.show.table import Screen, Table
+from firmware.client.show.tally import HEADS, TallyRow, cells, folded
+from firmware.codec.decoding import Decoder
+from firmware.codec.library import NoLibraryError, load
+from firmware.codec.rows import DECODED_HEADS, cells_of
 from firmware.lab import ports
+from firmware.lab.demo_user import MAC, SUBJECTS, User
 from firmware.lab.program import Program
-from firmware.user import client
-from firmware.user.arguments import seconds
-from firmware.user.received import Pairing
-from firmware.user.table import Screen, Table
-from firmware.user.tally import HEADS, Tally, cells
 
 DESCRIPTION = """\
-Starts two stations, A and B, which hear each other through UDP on the
-loopback: the ITS-G5 of the simulated board. A has simulated neighbours too.
-At each station a user's program sends a CAM ten times a second and a DENM once
-a second; the table shows what the users of both stations receive.
+Starts two stations, A and B, which hear each other by ITS-G5 simulated with
+UDP on the loopback. A hears two simulated neighbours too. At each station a
+user's program sends a CAM ten times a second and a DENM once a second. Two
+tables show what the users of A and of B receive, and what the last message
+says.
 
-The first lines say where your own programs may connect meanwhile. A takes the
-ports 5555 to 5558, or the next free ones when a station has these already.
-Ctrl-C ends everything; without a terminal it ends after 20 s.
+The first lines name the ports for your own programs. What your program sends
+to A is in the table of B's user, and the reverse. A takes the ports 5555 to
+5558; where these are in use, the next free ones.
+Ctrl-C ends both stations; without a terminal they end after 20 s.
 """
 EPILOG = """\
 examples:
   captain demo                            until Ctrl-C
   captain demo --duration 10              ten seconds
-  captain listen                          (elsewhere, meanwhile) A's user's view
-  captain status --station :5565          (elsewhere, meanwhile) station B
+  captain listen                          (in another terminal) what A's users
+                                          receive
+  captain status --station :5565          (in another terminal) station B
 
 exit codes:
   0    A and B have received each other's CAMs and DENMs
@@ -50,14 +54,12 @@ HOST = "127.0.0.1"
 FIRST_PORT = 5555
 WITHOUT_TERMINAL_S = 20.0
 CAM_S = 0.1  # T_GenCamMin, EN 302 637-2 clause 6.1.3
-CAMS_PER_DENM = 10
 REDRAW_S = 0.5
-LATE_S = 2.0  # what has not come so long after the end has not come
-PRINT_S = 5.0  # where lines stay on the screen
-STATION_ID = {"A": 4201, "B": 4202}  # of the users' messages
-SUBJECTS = ("cam", "denm")
-
-# The board of both: the simulated one of board/boards/sim.toml with free UDP ports and each other as peers.
+LATE_S = 2.0  # seconds to wait at the end for the first messages
+PRINT_S = 5.0  # interval of tables without a terminal
+INTRODUCTION = 6  # lines above the tables, including the empty one
+HEADING = 2  # lines of each table above its rows
+# Board of both stations: that of board/boards/sim.toml, but with free UDP ports and each other as peers.
 BOARD = """\
 name = "demo"
 [interfaces.g5]
@@ -84,14 +86,15 @@ def main(arguments: argparse.Namespace) -> int:
     with ExitStack() as ending:
         stations = _start(ending)
         context = ending.enter_context(client.session())
-        users = [User(context, station) for station in stations]
+        decoder = _decoder()
+        users = [User(context, station.name, station.place, decoder) for station in stations]
         print(introduction(stations), flush=True)
         try:
             for user in users:
                 user.join()
-            _watch(users, stations, duration)
+            _watch(users, stations, duration, decoder)
         except KeyboardInterrupt:
-            print()  # the terminal's ^C stands alone
+            print()  # moves the output below the ^C that the terminal has echoed
     print("\n".join(summary(users)))
     return 0 if _all_have_heard(users) else 1
 
@@ -100,163 +103,160 @@ def _all_have_heard(users: Sequence["User"]) -> bool:
     return all(user.has_heard(other) for user in users for other in users if other is not user)
 
 
-class Station(NamedTuple):
-    """One of the two."""
+class DemoStation(NamedTuple):
+    """Running station of the demo."""
 
     name: str
     place: client.Address
     process: Program
 
 
-def _start(ending: ExitStack) -> list[Station]:
-    """Both stations, ready. Raises StationError when one is not."""
+def _start(ending: ExitStack) -> list[DemoStation]:
+    """Start both stations and wait until they are ready. Raises StationError if one is not."""
     blocks = ports.free_blocks(HOST, FIRST_PORT, 4)
     firsts = [next(blocks), next(blocks)]
     if firsts[0] != FIRST_PORT:
         there = ports.running(FIRST_PORT)
         who = ports.holder(there) if there else "another program"
-        print(f"Ports {FIRST_PORT} to {FIRST_PORT + 3} are not free ({who}): A takes {firsts[0]} and following.\n")
+        print(f"Ports {FIRST_PORT} to {FIRST_PORT + 3} are in use ({who}). A takes {firsts[0]} to {firsts[0] + 3}.\n")
     stations = []
     for (name, board), first in zip(boards(free_udp(HOST, 3)), firsts, strict=True):
-        given = ["run", "--board", "/dev/stdin", "--log", "warning", "--set", f"station.name={name}"]
+        given = ["run", "--board", "/dev/stdin", "--log", "warning"]
+        given += ["--set", f"station.name={name}", "--set", f"station.mac={MAC[name]}"]
         for at, key in enumerate(("from_users", "to_users", "pull", "report")):
             given += ["--set", f"endpoint.{key}={first + at}"]
         child = Program(f"station {name}", given, board.encode())
         ending.callback(child.stop)
         place = client.Address(HOST, *range(first, first + 4))
-        stations.append(Station(name, place, child))
+        stations.append(DemoStation(name, place, child))
     for station in stations:
         station.process.wait_until_ready()
     return stations
 
 
 def boards(udp: Sequence[Address]) -> list[tuple[str, str]]:
-    """Name and board file of A and B; udp are the addresses of A's radio, B's, and the neighbours'."""
+    """Return name and board file of A and B; udp: addresses of A's radio, B's radio and the neighbours."""
     a, b, neighbours = udp
     of_a = BOARD.format(own=a, peers=f'"{b}", "{neighbours}"')
     of_b = BOARD.format(own=b, peers=f'"{a}"')
     return [("A", of_a + NEIGHBOURS.format(own=a, neighbours=neighbours)), ("B", of_b)]
 
 
-class User:
-    """A user's program at a station, as the README has it: PUB to 5555, SUB to 5556."""
-
-    def __init__(self, context: client.Context, station: Station) -> None:
-        self.name = station.name
-        self.station_id = STATION_ID[station.name]
-        self.tally = Tally()
-        self.pairing = Pairing()
-        place = station.place
-        self.subscriber = client.subscribe(context, place, place.to_users, "")
-        # On the wire an XPUB is a PUB; it also tells when the station has subscribed, before which all is lost.
-        self._publisher = context.socket(zmq.XPUB)
-        self._publisher.connect(place.url(place.from_users))
-        self._cams = 0
-        self._pdus = {kind: pdu_of(kind, self.station_id) for kind in SUBJECTS}
-
-    def join(self) -> None:
-        """Wait until the station listens, and something came of it: then nothing more is lost. Raises StationError."""
-        patience_ms = round(client.ANSWER_S * 1000)
-        if not self._publisher.poll(patience_ms) or not self.subscriber.poll(patience_ms):
-            raise StationError(f"station {self.name} does not answer its user")
-
-    def send(self) -> None:
-        """A CAM, and with every tenth a DENM."""
-        self._publish("cam")
-        if self._cams % CAMS_PER_DENM == 0:
-            self._publish("denm")
-        self._cams += 1
-
-    def receive(self, now: float) -> None:
-        for frames in client.waiting(self.subscriber):
-            message = self.pairing.feed(frames)
-            if message is not None:
-                self.tally.add(message, now)
-
-    def has_heard(self, other: "User") -> bool:
-        """Whether both types have come from the other's user."""
-        return all(self.tally.count(kind, other.station_id) for kind in SUBJECTS)
-
-    def _publish(self, kind: str) -> None:
-        self._publisher.send_multipart([f"v2x.{kind}.".encode(), self._pdus[kind]], zmq.DONTWAIT)
-
-
-def pdu_of(kind: str, station_id: int) -> bytes:
-    """The shortest message of a type in firmware/vectors.json, from this station."""
-    vectors = json.loads((Path(firmware.__file__).parent / "vectors.json").read_bytes())
-    pdu = min((bytes.fromhex(one["hex"]) for one in vectors if one["type"] == kind), key=len)
-    return pdu[:2] + station_id.to_bytes(4) + pdu[6:]
-
-
-def _watch(users: Sequence[User], stations: Sequence[Station], duration: float | None) -> None:
-    """Send, receive and show until the time is over. Raises StationError when a station ends."""
+def _watch(
+    users: Sequence[User], stations: Sequence[DemoStation], duration: float | None, decoder: Decoder | None
+) -> None:
+    """Send, receive and show messages until the duration is over. Raises StationError if a station ends."""
     poller = zmq.Poller()
     for user in users:
         poller.register(user.subscriber, zmq.POLLIN)
     for station in stations:
         poller.register(station.process, zmq.POLLIN)
     with Screen() as screen:
-        start = due = time.monotonic()
-        redraw_s = REDRAW_S if screen.is_terminal else PRINT_S
-        redraw, mark = start + redraw_s, start + 1.0
-        while duration is None or time.monotonic() < start + duration:
-            poller.poll(max(0, round((due - time.monotonic()) * 1000)))
+
+        def show(now: float) -> None:
+            screen.show(view(users, now, screen.height - INTRODUCTION, decoder))
+
+        def look(timeout_s: float) -> float:
+            """Process what arrives within a time, and return the monotonic time afterwards."""
+            poller.poll(max(0, math.ceil(timeout_s * 1000)))
             now = time.monotonic()
             for user in users:
                 user.receive(now)
             for station in stations:
                 station.process.check()
-            if now >= due:
-                due += CAM_S
-                for user in users:
-                    user.send()
-            if now >= redraw:
-                redraw += redraw_s
-                screen.show(view(users, now, screen.height))
-            if now >= mark:
-                mark += 1.0
-                for user in users:
-                    user.tally.mark(now)
-        # The last messages are still on their way, and may be the first.
-        late = time.monotonic() + LATE_S
-        while not _all_have_heard(users) and (left := late - time.monotonic()) > 0:
-            poller.poll(math.ceil(left * 1000))
-            for user in users:
-                user.receive(time.monotonic())
-            for station in stations:
-                station.process.check()
+            return now
+
+        start = due = time.monotonic()
+        redraw_s = REDRAW_S if screen.is_terminal else PRINT_S
+        redraw, mark = start + redraw_s, start + 1.0
+        try:
+            while duration is None or time.monotonic() < start + duration:
+                now = look(due - time.monotonic())
+                if now >= due:
+                    due += CAM_S
+                    for user in users:
+                        user.send()
+                if now >= redraw:
+                    redraw += redraw_s
+                    show(now)
+                if now >= mark:
+                    mark += 1.0
+                    for user in users:
+                        user.tally.mark(now)
+            # The last messages may still be under way, and may be the first of their type.
+            late = time.monotonic() + LATE_S
+            while not _all_have_heard(users) and (left := late - time.monotonic()) > 0:
+                look(left)
+        finally:
+            show(time.monotonic())
 
 
-def introduction(stations: Sequence[Station]) -> str:
-    """What a newcomer needs to connect a program."""
-    lines = ["Two stations that hear each other, and simulated neighbours of A. Your programs connect"]
+def _decoder() -> Decoder | None:
+    """Return a decoder; None without the message library: then the tables show sizes instead of contents."""
+    try:
+        return Decoder(load())
+    except NoLibraryError:
+        return None
+
+
+def introduction(stations: Sequence[DemoStation]) -> str:
+    """Return text on the ports for the user's own programs: INTRODUCTION lines, the last one empty."""
+    lines = [
+        "Stations A and B hear each other. A also hears two simulated neighbours.",
+        "Your program  sends (PUB) to        receives (SUB) from",
+    ]
     for name, place, _ in stations:
-        lines.append(f"  to {name}: PUB to {place.url(place.from_users)}, SUB to {place.url(place.to_users)}")
-    at = stations[0].place.from_users
-    lines.append(f"Try `captain listen --station :{at}`, `captain status --station :{at}`. Ctrl-C ends it all.\n")
+        lines.append(f"  at {name}        {place.url(place.from_users)}  {place.url(place.to_users)}")
+    at = stations[-1].place.from_users
+    lines.append(f"Ctrl-C ends both. In another terminal: {_program()} listen --station :{at}\n")
     return "\n".join(lines)
 
 
-def view(users: Sequence[User], now: float, height: int) -> list[Table]:
-    """One table for each user; height in lines for all."""
-    most = max(1, height // len(users) - 5)
-    tables = []
-    for user in users:
-        rows = [(_sender(row.station), *cells(row, now)) for row in user.tally.rows(most)]
-        rubbish = f", {user.pairing.rubbish} unreadable" if user.pairing.rubbish else ""
-        tables.append(
-            Table(f"received by {user.name}'s user: {user.tally.total} messages{rubbish}", ("from", *HEADS), rows)
-        )
-    return tables
+def _program() -> str:
+    """Return the command of this program in another terminal: its path if `captain` in PATH is another one."""
+    started = sys.argv[0]
+    found = shutil.which("captain")
+    if Path(started).name != "captain" or (found and Path(found).resolve() == Path(started).resolve()):
+        return "captain"
+    return started
 
 
-def _sender(station: int | str | None) -> str:
-    names = {number: f"{name}'s user" for name, number in STATION_ID.items()}
-    return names.get(station, "neighbour") if isinstance(station, int) else ""
+def view(users: Sequence[User], now: float, height: int, decoder: Decoder | None) -> list[Table]:
+    """Return a table for each user; height: lines for all tables together."""
+    shown = {user.name: sorted(user.tally.rows(), key=_is_of_neighbour) for user in users}
+    left = height - len(users) * HEADING - (len(users) - 1)
+    # The shorter table is sized first, so that the other one gets the lines that it does not need.
+    for sharing, name in zip(range(len(users), 0, -1), sorted(shown, key=lambda name: len(shown[name])), strict=True):
+        shown[name] = folded(shown[name], max(1, left // sharing))
+        left -= len(shown[name])
+    return [_table(user, shown[user.name], now, decoder) for user in users]
+
+
+def _table(user: User, rows: Sequence[TallyRow], now: float, decoder: Decoder | None) -> Table:
+    heads: Sequence[str] = HEADS if decoder is None else DECODED_HEADS
+    rssi = heads.index(">dBm")  # the simulated radio reports no signal strength
+    lines = []
+    for row in rows:
+        shown = cells(row, now) if decoder is None else cells_of(row, now, decoder)
+        lines.append((_sender(row), *shown[:rssi], *shown[rssi + 1 :]))
+    rubbish = f", {user.pairing.rubbish} unreadable" if user.pairing.rubbish else ""
+    title = f"received by {user.name}'s user: {user.tally.total} messages{rubbish}"
+    return Table(title, ("from", *heads[:rssi], *heads[rssi + 1 :]), lines)
+
+
+def _is_of_neighbour(row: TallyRow) -> bool:
+    return row.mac.hex(":") not in MAC.values()
+
+
+def _sender(row: TallyRow) -> str:
+    """Return the sender's name by the source address, which all users of a station share."""
+    if not row.mac:
+        return ""
+    return next((f"{name}'s user" for name, mac in MAC.items() if mac == row.mac.hex(":")), "neighbour")
 
 
 def summary(users: Sequence[User]) -> list[str]:
-    """The last lines: what each has received from the other."""
+    """Return the last lines: the number of messages that each user received from the other."""
     lines = []
     for user in users:
         for other in users:

@@ -1,24 +1,25 @@
-"""captain encode: fields to octets, the inverse of captain decode --json."""
+"""captain encode: encodes fields to octets, the inverse of decode --json."""
 
 import argparse
 
-from board.errors import RequestError
+from board.runtime.errors import RequestError
+from firmware.client.show.failures import Failures
 from firmware.codec import library, writing
 from firmware.codec.arguments import add_edition, each
 from firmware.codec.encoding import Wish, encode
 from firmware.codec.reading import Object, Pdu, port_of, when_ns
-from firmware.user.failures import Failures
 
 DESCRIPTION = """\
-Encodes messages: JSON objects {"edition": "cam-1.4.1", "message": {...}} as
-`captain decode --json` prints them, one after the other, on one line or many.
-With --edition, or if its ITS PDU header announces the edition, the object may be
-the message alone. A header that contradicts --edition is refused, unless
---force: receivers go by the header.
+Encodes messages. The input is JSON objects {"edition": "cam-1.4.1", "message":
+{...}}, as of `captain decode --json`, each on one or several lines.
 
-WHAT is a file, a folder of files, or the object itself; - or nothing is
-standard input. The octets come out as hexadecimal digits, a message a line,
-unless --to says.
+The object may be the message alone, if --edition or its ITS PDU header gives
+the edition. A header that contradicts --edition is refused, unless --force is
+given: receivers use the header.
+
+The argument WHAT is a file, a folder of files, or the object itself. Without
+it, or with -, the command reads standard input. The output is hexadecimal
+digits, one message per line, unless --to is given.
 """
 EPILOG = """\
 examples:
@@ -27,13 +28,13 @@ examples:
   captain decode --json cam.bin | jq '.message.header.stationID = 7' | captain encode
         the same CAM of another station
   captain encode cams.jsonl -o cams.pcap
-        in GeoNetworking and Ethernet frames, for Wireshark
+        GeoNetworking in Ethernet frames, for Wireshark
   captain encode cams.jsonl | captain send -
-        and on the air
+        encode and send
 
 exit codes:
   0    every message was encoded
-  1    a message was not encoded (the others were), or there was none
+  1    a message was not encoded (the others were), or the input was empty
   2    wrong usage
   130  Ctrl-C
 """

@@ -1,52 +1,51 @@
-"""captain explain: a message bit by bit."""
+"""captain explain: explains a message bit by bit."""
 
 import argparse
 from collections.abc import Sequence
 
+from firmware.client.show.table import Table, plain
 from firmware.codec import bits, library
 from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each, print_json
 from firmware.codec.decoding import Decoder, UndecodableError, doubt_record
 from firmware.codec.library import Message
 from firmware.codec.reading import Pdu, pdu_of
 from firmware.printable import clean
-from firmware.user.table import Table, plain
 
 DESCRIPTION = f"""\
-Shows what every bit of a message says: offset, width, the bits, the field, its
-value, and the clause of ITU-T X.691 that rules them. Of a message that does not
-decode, what goes before the first bad bit, where that is, and the likeliest
-cause.
+Explains every bit of a message: offset, width, bits, field, value, and clause
+of ITU-T X.691. For an undecodable message it shows all rows up to the first bad
+bit, and the likeliest cause.
 
 {FORMS_HELP}"""
 EPILOG = """\
 examples:
   captain explain 02029b260aa393e6005a6f0d...
   captain explain --edition cam-1.4.1 --force cam.bin
-        as this edition, whatever the header says
+        as this edition, regardless of the header
   captain explain --json cam.bin | jq 'select(.path | endswith("speedValue"))'
-JSON, one object a line:
-  origin, edition, bit, width, path, name, value, bits, clause
-        of each row; names in parentheses are no fields, but what the encoding
-        says of them
-  warning
-        where the values may be wrong
-  origin, octets, hex, error (reason, cause, edition, path, bit)
-        where the message does not decode
+
+JSON, one object per row; test `error` first:
+  origin, edition, bit, width, path, name, value, bits, clause, and `warning` if
+  values may be wrong. A name in parentheses is a part of the encoding.
+
+JSON of an undecodable message:
+  error, hint, reason, path, bit, origin, octets, hex, and nearest_edition, which
+  is that of the rows
 
 exit codes:
   0    every message was decoded
-  1    a message was not decoded, or there was none
+  1    a message did not decode, or the input was empty
   2    wrong usage
   130  Ctrl-C
 """
-WIDEST = 1000  # columns: a name that is cut is worth less than a line that the terminal folds
+WIDEST = 1000  # columns; a line folded by the terminal is better than a name that is cut
 HEADS = (">bit", ">width", "bits", "X.691", "field", "value")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     add_input(parser)
     add_edition(parser)
-    parser.add_argument("--json", action="store_true", help="one JSON object a line for each row")
+    parser.add_argument("--json", action="store_true", help="one JSON object per row")
 
 
 def main(arguments: argparse.Namespace) -> int:
@@ -55,7 +54,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _explain(pdu: Pdu, decoder: Decoder, is_json: bool) -> None:
-    """The rows of a message; of one that does not decode those before its first bad bit. Raises RequestError."""
+    """Print the rows of a message; of an undecodable one, those before its first bad bit. Raises RequestError."""
     try:
         found = decoder.identify(pdu)
     except UndecodableError as error:
@@ -78,7 +77,7 @@ def _show(pdu: Pdu, message: Message, notes: list[str], doubt: dict[str, object]
 
 
 def _cells(rows: Sequence[bits.Row]) -> list[tuple[str, ...]]:
-    """The position of containers is that of their first bit."""
+    """Return the cells of the rows; a container's position is that of its first bit."""
     return [
         (
             str(row.bit),

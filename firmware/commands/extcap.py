@@ -1,4 +1,4 @@
-"""captain extcap: what Wireshark calls to capture from a station as from a network device."""
+"""captain extcap: live capture from a station in Wireshark."""
 
 import argparse
 import os
@@ -7,18 +7,18 @@ import subprocess
 import sys
 from pathlib import Path
 
-from board.child import program
-from board.errors import RequestError, StationError, UsageError
+from board.runtime.child import program
+from board.runtime.errors import RequestError, StationError, UsageError
 from firmware import VERSION
+from firmware.client.arguments import add_station, address
+from firmware.client.listening import ListenFilter
 from firmware.recorder.session import record
 from firmware.recorder.sinks import Pipe
-from firmware.user.arguments import add_station, address
-from firmware.user.listening import Wish
 
 DESCRIPTION = """\
 Lets Wireshark and tshark capture from a station as from a network device, by
-their interface for such programs, extcap. `captain extcap --install` once; then
-"V2X station" stands in Wireshark's list of devices, and its options ask for the
+their interface for external programs, extcap. Run `captain extcap --install`
+once. Then Wireshark lists the device "V2X station", and its options ask for the
 station's address. Wireshark itself gives the other options.
 """
 EPILOG = """\
@@ -26,10 +26,10 @@ examples:
   captain extcap --install                  for this user
   tshark -i captain                         the station of this machine
   tshark -i captain -o extcap.captain.station:192.168.1.7:5555
-                                            one elsewhere
+                                            a station elsewhere
 
 exit codes:
-  0    done, or nobody reads any more
+  0    done, or Wireshark has closed the capture
   1    no station answers, or the file cannot be written
   2    wrong usage
 """
@@ -39,29 +39,40 @@ INTERFACES = f"extcap {{version={VERSION}}}{{display=captain}}\ninterface {{valu
 LINKS = "dlt {number=1}{name=EN10MB}{display=Ethernet}"
 OPTIONS = (
     "arg {number=0}{call=--station}{display=Station}{type=string}"
-    f"{{default={DEFAULT}}}{{tooltip=its host and first port; the port of reports is the third after it}}"
+    f"{{default={DEFAULT}}}{{tooltip=host and first port of the station; reports come from the third port after it}}"
 )
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("--install", nargs="?", const="", metavar="FOLDER", help="into Wireshark's folder for them")
-    what.add_argument("--extcap-interfaces", action="store_true", help="which devices there are")
-    what.add_argument("--extcap-dlts", action="store_true", help="what their frames are")
-    what.add_argument("--extcap-config", action="store_true", help="what may be asked of them")
-    what.add_argument("--capture", action="store_true", help="begin")
-    parser.add_argument("--extcap-interface", metavar="NAME", help="which one")
-    parser.add_argument("--extcap-version", metavar="N", help="of Wireshark")
-    parser.add_argument("--extcap-capture-filter", metavar="FILTER", help="not known here: none is taken")
-    parser.add_argument("--fifo", metavar="PATH", type=Path, help="where the frames go")
+    what.add_argument(
+        "--install",
+        nargs="?",
+        const="",
+        metavar="FOLDER",
+        help="install into FOLDER (default: the folder that Wireshark names)",
+    )
+    what.add_argument("--extcap-interfaces", action="store_true", help="list devices")
+    what.add_argument("--extcap-dlts", action="store_true", help="print the link type")
+    what.add_argument("--extcap-config", action="store_true", help="list options of the device")
+    what.add_argument("--capture", action="store_true", help="start to capture")
+    parser.add_argument("--extcap-interface", metavar="NAME", help="device")
+    parser.add_argument("--extcap-version", metavar="N", help="version of Wireshark")
+    parser.add_argument("--extcap-capture-filter", metavar="FILTER", help="refused: use a display filter")
+    parser.add_argument("--fifo", metavar="PATH", type=Path, help="pipe that receives the frames")
     add_station(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
+    """Answer Wireshark, or install the script that it starts.
+
+    Raises UsageError for another interface, a capture without --fifo, and a capture filter. Raises RequestError if the
+    script or the pipe cannot be written.
+    """
     if arguments.install is not None:
         return _install(arguments.install)
     if arguments.extcap_interface not in (None, NAME):
-        raise UsageError(f"--extcap-interface: there is no {arguments.extcap_interface}", f"it is called {NAME}")
+        raise UsageError(f"--extcap-interface: {arguments.extcap_interface}: unknown device", f"use {NAME}")
     if arguments.extcap_interfaces:
         print(INTERFACES)
     elif arguments.extcap_dlts:
@@ -75,13 +86,15 @@ def main(arguments: argparse.Namespace) -> int:
 
 def _capture(arguments: argparse.Namespace) -> int:
     if arguments.fifo is None:
-        raise UsageError("--capture: --fifo is missing", "Wireshark gives both: captain extcap --install")
+        raise UsageError("--capture: --fifo is missing", "run captain extcap --install; Wireshark gives both")
     if arguments.extcap_capture_filter:
-        raise UsageError("a capture filter is not known here", "take a display filter")
+        raise UsageError(
+            f"--extcap-capture-filter: {arguments.extcap_capture_filter}: unsupported", "use a display filter instead"
+        )
     try:
-        # Opened before the station is asked: Wireshark waits for it, and shows what is said then.
+        # The pipe is opened before the station is asked: Wireshark waits for it, and only then shows errors.
         with arguments.fifo.open("wb") as pipe:
-            return record(address(arguments), Wish(), lambda: Pipe(pipe), "wireshark", _pass_over)
+            return record(address(arguments), ListenFilter(), lambda: Pipe(pipe), "wireshark", _pass_over)
     except BrokenPipeError:
         return 0
     except OSError as error:
@@ -89,7 +102,7 @@ def _capture(arguments: argparse.Namespace) -> int:
 
 
 def _pass_over(note: str) -> None:
-    """Suppress notes: Wireshark shows each line of standard error as an error."""
+    """Discard a note: Wireshark shows each line of standard error as an error."""
 
 
 def _install(folder: str) -> int:
@@ -101,7 +114,7 @@ def _install(folder: str) -> int:
         path.chmod(0o755)
     except OSError as error:
         raise RequestError(f"{path}: {error.strerror}", "name another folder: --install FOLDER") from error
-    print(f"captain: {path}: Wireshark finds it when it starts, tshark as -i {NAME}")
+    print(f"captain: {path}: installed; restart Wireshark, or run tshark -i {NAME}")
     return 0
 
 
@@ -113,7 +126,10 @@ def _script() -> str:
 
 
 def _folder() -> Path:
-    """Where Wireshark looks for a user's own: it has moved between its versions, so it is asked."""
+    """Return Wireshark's folder for a user's extcap programs; Wireshark is asked, since it differs between versions.
+
+    Raises StationError if neither tshark nor wireshark names it.
+    """
     for asked in ("tshark", "wireshark"):
         try:
             told = subprocess.run([asked, "-G", "folders"], capture_output=True, text=True, check=True, timeout=20)
@@ -122,4 +138,4 @@ def _folder() -> Path:
         found = dict(line.partition(":")[::2] for line in told.stdout.splitlines())
         if place := found.get("Personal Extcap path") or found.get("Extcap path"):
             return Path(os.path.expanduser(place.strip()))
-    raise StationError("neither tshark nor wireshark says where they look", "name the folder: --install FOLDER")
+    raise StationError("folder of extcap programs: unknown to tshark and wireshark", "name it: --install FOLDER")

@@ -1,47 +1,49 @@
-"""captain gnss: what the GNSS receivers of a station see, and their reset."""
+"""captain gnss: shows the GNSS receivers of a station, and resets them."""
 
 import argparse
 import json
 from collections.abc import Mapping
 
-from firmware.user import modules
-from firmware.user.arguments import add_control
-from firmware.user.modules import Kind, joined
-from firmware.user.table import Table, counted, span
-from firmware.user.untrusted import number, text, texts, within
+from firmware.client.arguments import add_control
+from firmware.client.show.status import modules
+from firmware.client.show.status.modules import Kind, joined
+from firmware.client.show.table import Table, counted, span
+from firmware.untrusted import number, text, texts, within
 
 DESCRIPTION = """\
-Shows what the GNSS receivers of a station see: the fix and how good it is,
-jamming and spoofing, leap seconds, corrections; or resets one.
+Shows the GNSS receivers of a station: fix and accuracy, jamming and spoofing,
+leap seconds, corrections. Or resets one of them.
 
-A receiver is given by the name of its interface; a station with one receiver
-needs no name.
+A receiver is given by the name of its interface. If the station has only one,
+no name is needed.
 """
 EPILOG = """\
 examples:
   captain gnss status
   captain gnss status --json | jq '.gnss.details.carrier'
-  captain gnss reset --kind cold      as if it had never seen a satellite
+  captain gnss reset --kind cold      forget all satellites
 
 kinds of reset:
-  hot    it forgets nothing: a fix follows after some seconds
-  warm   it forgets the orbits of the last hours: half a minute
-  cold   it forgets everything, also leap seconds: up to 13 minutes
-  full   its software starts anew; the station configures it again
+  hot    forget nothing; a fix follows after some seconds
+  warm   forget the orbits of the last hours; fix after half a minute
+  cold   forget everything, also leap seconds; complete after up to 13 minutes
+  full   restart its firmware; the station configures it again
 
 exit codes:
   0    done
-  1    no station answers, or it has no such receiver
+  1    no station answers, or the receiver is unknown
   2    wrong usage
 """
 KIND = Kind("receiver", "GNSS receiver", "technology", ("gnss",), "zed_f9p")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("ask", choices=("status", "reset"), help="what to do")
+    parser.add_argument("ask", choices=("status", "reset"), help="action")
     parser.add_argument("interface", nargs="?", default="", help="which receiver")
-    parser.add_argument("--kind", choices=("hot", "warm", "cold", "full"), default="hot", help="of reset (default hot)")
-    parser.add_argument("--json", action="store_true", help="one JSON object, by the names of the interfaces")
+    parser.add_argument(
+        "--kind", choices=("hot", "warm", "cold", "full"), default="hot", help="kind of reset (default hot)"
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON object, by interface name")
     add_control(parser)
 
 
@@ -57,7 +59,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def table(name: str, one: Mapping[str, object]) -> Table:
-    """What a receiver says of itself; a row that it says nothing about is left out."""
+    """Return the table of a receiver; rows without a value are omitted."""
     details = within(one, "details")
     corrections = within(details, "corrections")
     rows = [

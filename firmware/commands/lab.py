@@ -1,4 +1,4 @@
-"""captain lab: the ten-message test between two stations, with a capture of every frame."""
+"""captain lab: tests ten messages between two stations, with a capture of every frame."""
 
 import argparse
 import json
@@ -14,62 +14,68 @@ from typing import NamedTuple
 
 import zmq
 
-from board.errors import StationError, UsageError
-from firmware import topics
+from board.runtime.errors import StationError, UsageError
+from firmware import file_remedy, topics
+from firmware.client.arguments import HIGHEST_RATE, number, seconds
+from firmware.client.show.table import Screen, Table
 from firmware.lab import dissection, ways
 from firmware.lab.copies import Count
 from firmware.lab.dissection import Dissected
-from firmware.lab.laboratory import Bench, Device, Link, bench, vectors
+from firmware.lab.laboratory import Bench, Link, NamespaceDevice, bench, vectors
 from firmware.lab.pcap import Pcap
 from firmware.lab.ways import Way
-from firmware.user.arguments import HIGHEST_RATE, number, seconds
-from firmware.user.table import Screen, Table
 
 DESCRIPTION = """\
-Starts two stations, A and B, and a user's program at each. Both users send ten messages (DENM, CAM, MAPEM, SPATEM,
-IVIM, CPM of several origins) and count what the other's arrives as: whole, altered or not at all. At the end two
-more messages go each way once. Nothing leaves this machine.
+Starts two stations, A and B, and a user's program at each. Both users send ten
+messages: DENM, CAM, MAPEM, SPATEM, IVIM, CPM of several origins. They count
+which of the other's messages arrive unchanged, altered or not at all. At the
+end two more messages go each way once. Nothing leaves this machine.
 
-The stations hear each other as whole Ethernet frames in UDP datagrams; with --veth as frames on a virtual cable
-between two network namespaces, where root is not needed if the kernel lets users make namespaces; with --radio by
-simulated SOM301-E radios, whose air may lose messages: then the test is passed when exactly those are missing; with
---devices by two network devices of this machine that hear each other, each in a network namespace of its own.
+The stations hear each other by one of these links:
 
-With --mqtt they are at a broker, mosquitto, which is started on this machine with TLS and certificates of the moment;
-with --radio --mqtt they send by both ways at once: each message is to be delivered once, whatever the air loses, and
-it is told which way was first.
+  (default)   Ethernet frames in UDP datagrams
+  --veth      raw Ethernet between two network namespaces; without root if the
+              kernel lets users create namespaces
+  --radio     simulated SOM301-E radios, whose air may lose messages: exactly
+              those must be missing
+  --devices   two network devices of this machine that hear each other, each in
+              a network namespace of its own
+  --mqtt      a broker, mosquitto, started with TLS and new certificates
+  --radio --mqtt
+              both: each message must be delivered once, whatever the air
+              loses; the result has the interface that was first
 """
 EPILOG = """\
 examples:
-  captain lab                                     60 s at 10 Hz over UDP
-  captain lab --veth --duration 10                over raw Ethernet
-  captain lab --radio 0.1 --short                 by radio, and the air loses a tenth
-  captain lab --devices a:wlan0 b:wlan1           between two 802.11p cards
-  captain lab --mqtt                              by a broker
-  captain lab --radio 0.1 --mqtt                  by radio and by a broker at once
-  captain lab --capture lab.pcap --decode         and let tshark decode every frame
+  captain lab                               60 s at 10 Hz over UDP
+  captain lab --veth --duration 10          over raw Ethernet
+  captain lab --radio 0.1 --short           by radio, the air loses a tenth
+  captain lab --devices a:wlan0 b:wlan1     between two 802.11p cards
+  captain lab --mqtt                        by a broker
+  captain lab --radio 0.1 --mqtt            by radio and broker
+  captain lab --capture lab.pcap --decode   and decode every frame by tshark
 
 exit codes:
-  0    nothing lost but by the air (by both ways: nothing), nothing altered, nothing delivered twice; with --decode
-       every frame decoded, none malformed
+  0    no message was lost but by the air, altered, or delivered twice; with
+       --decode, tshark decoded every frame without an error
   1    otherwise, or a station could not start
   2    wrong usage
 """
 SHORT_S = 2.0
-QUIET_S = 2.0  # what has not come so long after the last has not come
+QUIET_S = 2.0  # seconds after the last arrival; later messages count as lost
 REDRAW_S = 0.5
 HEADS = ("message", "from", ">sent", ">received", ">equal", ">altered", ">lost")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--duration", metavar="S", type=seconds, default=60.0, help="of sending (default 60)")
-    parser.add_argument("--short", action="store_const", const=SHORT_S, dest="duration", help=f"{SHORT_S:g} s")
+    parser.add_argument("--duration", metavar="S", type=seconds, default=60.0, help="send for S seconds (default 60)")
+    parser.add_argument("--short", action="store_const", const=SHORT_S, dest="duration", help=f"send for {SHORT_S:g} s")
     parser.add_argument(
         "--rate",
         metavar="HZ",
-        type=number("messages a second", HIGHEST_RATE),
+        type=number("messages per second", HIGHEST_RATE),
         default=10.0,
-        help="of each message (default 10)",
+        help="rate of each message (default 10)",
     )
     links = parser.add_mutually_exclusive_group()
     links.add_argument("--veth", action="store_true", help="raw Ethernet between two network namespaces")
@@ -89,20 +95,24 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=(),
         help="raw Ethernet on two devices, each in a namespace of `ip netns` (as root)",
     )
-    parser.add_argument("--mqtt", action="store_true", help="a broker; with --radio besides, else instead")
-    parser.add_argument("--capture", metavar="FILE", type=Path, help="every frame, as a pcap file")
-    parser.add_argument("--decode", action="store_true", help="let tshark decode every frame of the capture")
+    parser.add_argument("--mqtt", action="store_true", help="a broker, with --radio in addition to the radios")
+    parser.add_argument("--capture", metavar="FILE", type=Path, help="write every frame to a pcap file")
+    parser.add_argument("--decode", action="store_true", help="decode every frame of the capture by tshark")
     parser.add_argument("--json", action="store_true", help="one JSON object in place of tables")
 
 
-def _device(text: str) -> Device:
+def _device(text: str) -> NamespaceDevice:
     namespace, colon, name = text.partition(":")
     if not (colon and namespace and name):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a namespace and a device: a:wlan0")
-    return Device(namespace, name)
+        raise argparse.ArgumentTypeError(f"{text!r}: not NETNS:DEVICE; for example a:wlan0")
+    return NamespaceDevice(namespace, name)
 
 
 def main(arguments: argparse.Namespace) -> int:
+    """Run the laboratory and print its result.
+
+    Raises UsageError for options that exclude each other, StationError if the capture cannot be written.
+    """
     _check(arguments)
     with ExitStack() as ending:
         path = arguments.capture
@@ -117,11 +127,14 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    """What does not go together."""
+    """Check the combination of options. Raises UsageError."""
     if arguments.mqtt and (arguments.veth or arguments.devices):
-        raise UsageError("--mqtt with stations in network namespaces of their own", "the broker is in neither of them")
+        raise UsageError(
+            "--mqtt: not with --veth or --devices, whose network namespaces do not reach the broker",
+            "use --radio, or UDP",
+        )
     if arguments.mqtt and arguments.radio is None and (arguments.capture or arguments.decode):
-        raise UsageError("--mqtt alone has no frames to capture", "TLS hides them; add --radio, or leave it out")
+        raise UsageError("--mqtt: no frames to capture, because of TLS", "add --radio, or omit --capture and --decode")
 
 
 def _run(arguments: argparse.Namespace, path: Path | None, ending: ExitStack) -> tuple[Count, Sequence[Way]]:
@@ -130,7 +143,7 @@ def _run(arguments: argparse.Namespace, path: Path | None, ending: ExitStack) ->
         try:
             capture = Pcap(path)
         except OSError as error:
-            raise StationError(f"{path}: {error.strerror}", "name another file with --capture") from error
+            raise StationError(f"--capture: {path}: {error.strerror}", file_remedy.to_write(error)) from error
         ending.callback(capture.close)
     laboratory = bench(_link(arguments), arguments.radio or 0.0, capture, arguments.devices, arguments.mqtt)
     found: list[Way] = []
@@ -141,7 +154,7 @@ def _run(arguments: argparse.Namespace, path: Path | None, ending: ExitStack) ->
         if _has_two_ways(arguments):
             for seat, other, control in zip(made.seats, reversed(made.seats), made.controls, strict=True):
                 found += ways.ways(seat.name, control, count.received_from(other.name))
-            made.recorder.record()  # frames of the air may be later than what the broker has delivered
+            made.recorder.record()  # frames of the air may arrive later than messages of the broker
         else:
             count.lost_on_air = made.lost_on_air()
     if capture is not None:
@@ -165,13 +178,13 @@ def _link(arguments: argparse.Namespace) -> Link:
 
 
 def _name(arguments: argparse.Namespace) -> str:
-    """All ways between the stations."""
+    """Return the names of all links between the stations."""
     link = _link(arguments)
     return "+".join([link] * (link != "none") + ["mqtt"] * arguments.mqtt)
 
 
 class Test:
-    """Sends, receives and records, all in one place, until everything has come or nothing comes any more."""
+    """Sends, receives and records in one loop, until all messages have arrived or none arrives for QUIET_S."""
 
     def __init__(self, made: Bench, count: Count, screen: Screen | None) -> None:
         self._seats = made.seats
@@ -186,7 +199,7 @@ class Test:
         self._poller.register(made.recorder, zmq.POLLIN)
 
     def run(self, times: int, period: float) -> None:
-        """Every one of the ten `times` times, the ten spread over each period (seconds); the others once."""
+        """Send each of the ten messages `times` times, spread over each period in seconds; send the others once."""
         ten = [place for place, vector in enumerate(self._count.vectors) if not vector.is_beside]
         start = time.monotonic()
         for turn in range(times * len(ten)):
@@ -204,7 +217,7 @@ class Test:
             self._count.sent(seat.name, place)
 
     def _collect(self) -> None:
-        """Until all is there, or QUIET_S after the last that came."""
+        """Receive until all messages have arrived, or none has for QUIET_S."""
         last, missing = time.monotonic(), self._count.missing
         while missing > 0 and time.monotonic() < last + QUIET_S:
             self._serve_until(time.monotonic() + QUIET_S, once=True)
@@ -229,7 +242,13 @@ class Test:
 
 
 class Result(NamedTuple):
-    """What came out."""
+    """Result of the lab test.
+
+    counted     counts of messages.
+    dissected   counts of frames by tshark.
+    is_decoded  frames were decoded by tshark.
+    ways        counts by interface, if the stations had two.
+    """
 
     counted: Count
     dissected: Sequence[Dissected]
@@ -252,7 +271,7 @@ class Result(NamedTuple):
 
     @property
     def is_well_formed(self) -> bool:
-        """Every frame is decoded to the end, none is malformed; the messages beside the ten tshark need not know."""
+        """Whether tshark decoded every frame without error; it need not know the messages beside the ten."""
         ports = {row.name: row.standard for row in topics.ROWS}
         beside: Counter[int | None] = Counter()
         for row in self.counted.rows():
@@ -265,7 +284,7 @@ class Result(NamedTuple):
         )
 
     def lines(self, arguments: argparse.Namespace) -> Iterator[str]:
-        from firmware.user.table import plain, width_of
+        from firmware.client.show.table import plain, width_of
 
         width = width_of(sys.stdout)
         yield from plain(table(self.counted), width)
@@ -313,7 +332,7 @@ def table(count: Count) -> Table:
         [row.vector.name, row.sender, *(str(n) for n in (row.sent, row.received, row.equal, row.altered, row.lost))]
         for row in count.rows()
     ]
-    notes = [f"{count.strange} received that are none of these"] if count.strange else []
+    notes = [f"{count.strange} other messages received"] if count.strange else []
     return Table("Messages by type and octets; what A sends, B receives", HEADS, rows, notes)
 
 

@@ -1,76 +1,88 @@
-"""captain listen: what a station's users receive: counted per type and station, or one message after the other."""
+"""captain listen: shows what a station's users receive, counted or message by message."""
 
 import argparse
 import json
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from typing import TypeAlias
 
-from board.errors import RequestError, UsageError
+from board.runtime.errors import RequestError, UsageError
+from firmware.client import client
+from firmware.client.arguments import add_station, address
+from firmware.client.keyboard import Keyboard
+from firmware.client.listening import Listening, add_wish, wish_of
+from firmware.client.marks import Marks
+from firmware.client.received import Message
+from firmware.client.show.table import Screen, width_of
 from firmware.codec import fields, library, showing
 from firmware.codec.decoding import Decoder, UndecodableError, doubt_record, joined, refusal_record
 from firmware.codec.library import NoLibraryError, load
 from firmware.codec.live import Live
 from firmware.codec.reading import Pdu
 from firmware.printable import clean
-from firmware.user import client
-from firmware.user.arguments import add_station, address
-from firmware.user.listening import Listening, add_wish, wish_of
-from firmware.user.marks import Marks
-from firmware.user.received import Message
-from firmware.user.table import Screen, width_of
 
 DESCRIPTION = """\
-Listens to a station as any user's program does, and shows for each type and
-station (stationID of the ITS PDU header): how many messages, how many a
-second, the last signal strength where the interface knows it, how long ago the
-last one came, and what it says: position in degrees, speed, heading; the cause
-of a DENM; how many objects or intersections. A row that begins with `!` has a
-problem: why the message does not decode, or how many messages the station has
-marked as implausible and the reasons of the last one: `! 3 implausible: time`
-(README, "Implausible messages").
+Shows the messages that a station receives. The table has a row for each type
+and station (stationID of the ITS PDU header). A row has the number of messages,
+their rate, signal strength if known, age, and contents of the last message.
 
-On a terminal the table stays in place; elsewhere the stations heard in the
-last second are printed every second, and all of them at the end. At most 256 rows are kept: those silent
-longest are folded into the row `others`.
+Contents are position in degrees, speed and heading; the cause of a DENM; the
+number of objects or intersections. A row that begins with `!` has a problem.
+The message does not decode, or the station has marked messages as implausible,
+as in `! 3 implausible: time` (firmware/guide/implausible.md).
 
---full and --fields show message after message instead. Where the program has
-no message library (`captain doctor` tells), and with --headers, the table has
-the sizes of messages in place of what they say.
+Rows are sorted by the priority of their type (DENM first), then by station.
+Where a type has several stations, its sum is above the table.
+
+On a terminal the table stays in place: arrow keys, Page Up, Page Down, Home
+and End scroll, q ends. Elsewhere the stations heard in the last second are
+printed every second, and all of them at the end. At most 1024 rows are kept:
+those silent longest are summed in the row `others`.
+
+With --full and --fields, each message is shown instead. With --headers, or
+without the message library, the table has sizes in place of contents.
 """
 EPILOG = """\
 examples:
   captain listen                            everything, until Ctrl-C
   captain listen --type denm --count 1 --full
-                                            wait for one DENM and show all of it
+                                            wait for one DENM, show all fields
   captain listen --station-id 1337 --fields speedValue,headingValue
                                             two fields of each message of one
                                             station
   captain listen --json --duration 60 >log  a minute of messages
   captain listen --json --decode | jq .message.cam
-                                            their fields, for a program
+                                            fields for a program
   captain listen --json | captain send - --station 127.0.0.1:5565
-                                            one station sends on what another
-                                            one receives
-JSON, one object a line:
-  type, station_id, message_id, protocol_version, octets, hex
-        of the PDU; null where it is too short
-  received (Unix time in s), rssi_dbm, data_rate (500 kbit/s), traffic_class,
-  hop_limit, source_mac, security, latitude, longitude (degrees)
-        of the interface, as RawRxMessage has them; absent without one
-  implausible
-        list of reasons why the station marked the message as implausible
-  edition, message, warning and others where the values may be wrong
-        with --decode; `captain encode` takes them
-  edition, fields (path: value with unit)
-        with --fields
-  error (reason, cause, edition, path, bit)
-        with either, where the message does not decode
+                                            forward to another station
+
+JSON, one object per message; with --decode or --fields test `error` first:
+  type, station_id, message_id, protocol_version, octets, hex. Values of the ITS
+  PDU header are null if the PDU is too short.
+
+JSON of the reception, absent without RawRxMessage:
+  received     Unix time in s
+  rssi_dbm     signal strength
+  data_rate    in 500 kbit/s
+  latitude, longitude, in degrees; traffic_class, hop_limit, source_mac, security
+  implausible  list of reasons of the station's mark
+
+JSON with --decode or --fields:
+  edition      edition of the message
+  message      with --decode: all fields; `captain encode` accepts them
+  fields       with --fields: path and value with unit
+  warning      why values may be wrong
+  others       editions that decode to different values
+
+JSON of an undecodable message, with --decode or --fields:
+  error, hint, reason, path, bit, and nearest_edition, which decodes the most
+  bits
 
 exit codes:
   0    the count or the duration is reached
-  1    no station answers, or fields are wanted and there is no message library
+  1    no station answers, or the message library for fields is missing
   2    wrong usage
   130  Ctrl-C
 """
@@ -79,7 +91,7 @@ Show: TypeAlias = Callable[[Message], str]
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--json", action="store_true", help="one JSON object a line for each message")
+    parser.add_argument("--json", action="store_true", help="one JSON object per message")
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--decode", action="store_true", help="with --json: the decoded message as well")
     what.add_argument("--full", action="store_true", help="all fields of each message, with units and meanings")
@@ -95,16 +107,20 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
+    """Print the messages that a station publishes to its users.
+
+    Raises UsageError for options that exclude each other, and for invalid --fields.
+    """
     if (arguments.decode and not arguments.json) or (arguments.full and arguments.json):
-        raise UsageError("--json goes with --decode or --fields, --decode with --json")
+        raise UsageError("--decode needs --json; --full and --json exclude each other")
     place = address(arguments)
     try:
         show = _shower(arguments)
     except RequestError as error:
         raise UsageError(f"--fields: {error.message}", error.hint) from error
     with client.session() as context:
-        # Everything, where all types are wanted: what a station should not publish is to be seen as well.
-        # A messageID has whatever name the station gives it.
+        # Without a selection, everything is subscribed, so that unexpected messages are seen too. For a messageID, all
+        # types are subscribed, since a station may give it any name.
         types = [f"v2x.{kind}." if isinstance(kind, str) else "v2x." for kind in arguments.type]
         topics = ["hb.", "raw.", *types] if types else [""]
         subscriber = client.subscribe(context, place, place.to_users, *topics)
@@ -117,7 +133,10 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _shower(arguments: argparse.Namespace) -> Show | None:
-    """What prints each message; None for the table. Raises NoLibraryError, RequestError for unknown fields."""
+    """Return the function that formats each message; None for the table.
+
+    Raises NoLibraryError without a message library, RequestError for unknown fields.
+    """
     if arguments.decode or arguments.full or arguments.fields:
         decoder = Decoder(load())
         if arguments.fields:
@@ -131,13 +150,13 @@ def _shower(arguments: argparse.Namespace) -> Show | None:
 
 
 def _listened(decoder: Decoder, kinds: Sequence[str | int]) -> list[library.Message]:
-    """The messages of the library that may come; all of them where a station's own name or number may be any."""
+    """Return the library's messages that may be received; all of them if a selected type is unknown to the library."""
     fits = [[one for one in decoder.known if kind == one.type or kind in one.ids] for kind in kinds]
     return [one for several in fits for one in several] if fits and all(fits) else list(decoder.known)
 
 
 def _decoder() -> Decoder | None:
-    """None where headers are all that can be shown."""
+    """Return a decoder; None without the message library: then only headers are shown."""
     try:
         return Decoder(load())
     except NoLibraryError:
@@ -151,7 +170,7 @@ def _names(text: str) -> list[str]:
     return names
 
 
-# -- one message after the other
+# -- output of single messages
 
 
 def _show_each(listening: Listening, show: Show) -> None:
@@ -168,7 +187,7 @@ def _show_each(listening: Listening, show: Show) -> None:
 
 
 def described(message: Message) -> dict[str, object]:
-    """A message as `--json` prints it: header fields of the PDU, and what the interface knew."""
+    """Return a message as an object for `--json`: header fields of the PDU, and metadata of the interface."""
     pdu = message.pdu
     found: dict[str, object] = {
         "type": message.type,
@@ -181,7 +200,7 @@ def described(message: Message) -> dict[str, object]:
         rx = message.raw.rx
         found |= {
             "received": message.raw.received_ns // 1000 / 1e6,
-            "rssi_dbm": rx.rssi_dbm or None,  # RawRxMessage has 0 where it is not known
+            "rssi_dbm": rx.rssi_dbm or None,  # 0 means unknown in RawRxMessage
             "data_rate": rx.data_rate,
             "traffic_class": rx.traffic_class,
             "hop_limit": rx.hop_limit,
@@ -196,12 +215,12 @@ def described(message: Message) -> dict[str, object]:
 
 
 def _decoded(message: Message, decoder: Decoder, names: list[str] | None) -> str:
-    """The same with `edition` and `message` or `fields`, or with `error`."""
+    """Return a message as JSON with `edition` and `message` or `fields`, or with `error` and `hint`."""
     head = described(message)
     try:
         identity = decoder.identify(_pdu(message))
     except UndecodableError as error:
-        return json.dumps(head | {"error": refusal_record(error)})
+        return json.dumps(head | refusal_record(error))
     found = identity.message
     head |= {"edition": found.name} | doubt_record(identity)
     if names:
@@ -236,12 +255,12 @@ def _doubt(message: Message, end: str = "") -> str:
 
 
 def _refused(error: UndecodableError) -> str:
-    """A message that does not decode, on one line; its octets, so that it can be looked at."""
+    """Return one line for an undecodable message, with its octets."""
     return clean(f"{error.message}; {error.hint}: {error.pdu.octets.hex()}")
 
 
 def _pdu(message: Message) -> Pdu:
-    """Its origin is when it came, what it is and whose."""
+    """Return a message as a PDU whose origin is its time, type and station."""
     received_ns = None if message.raw is None else message.raw.received_ns
     now = time.time() if received_ns is None else received_ns / 1e9
     stamp = time.strftime("%H:%M:%S", time.localtime(now)) + f".{round(now % 1 * 1000) % 1000:03}"
@@ -249,13 +268,27 @@ def _pdu(message: Message) -> Pdu:
     return Pdu(message.pdu, f"{stamp} {message.type or '(no name)'} {whose}", when_ns=received_ns)
 
 
-# -- the table
+# -- output as a table
 
 
 def _show_table(listening: Listening, decoder: Decoder | None) -> None:
-    with Screen() as screen:
-        live = Live(screen, listening, decoder)
+    with Screen() as screen, ExitStack() as ending:
+        keyboard = ending.enter_context(Keyboard()) if screen.is_terminal else None
+        has_keys = keyboard is not None and keyboard.is_there
+        live = Live(screen, listening, decoder, has_keys)
+        if keyboard is not None and has_keys:
+            listening.watch(keyboard.fileno(), lambda: _typed(keyboard, live))
         for message in listening.messages(live):
             live.add(message)
         live.draw(time.monotonic(), is_last=True)
     print(f"{live.total} messages in {time.monotonic() - listening.started:.1f} s")
+
+
+def _typed(keyboard: Keyboard, live: Live) -> bool:
+    """Scroll by the keys that were typed; return False to end."""
+    keys = keyboard.read()
+    if keys is None or "quit" in keys:
+        return False
+    for key in keys:
+        live.press(key, time.monotonic())
+    return True

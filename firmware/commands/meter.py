@@ -1,4 +1,4 @@
-"""captain meter: what becomes of messages between stations: loss, order, delay, age, way by way."""
+"""captain meter: measures loss, order, delay and age of messages between stations."""
 
 import argparse
 import json
@@ -10,72 +10,73 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 
-from board.errors import UsageError
+from board.runtime.errors import UsageError
+from firmware.client import client
+from firmware.client.received import Pairing
+from firmware.client.show.table import Screen, lines_for
 from firmware.codec.library import load
-from firmware.meter import page, recording, shows, told
+from firmware.meter import recording, shows
 from firmware.meter.arguments import RATE_HZ, add_options, check
 from firmware.meter.event import PROBES
 from firmware.meter.meter import Meter
 from firmware.meter.probe import Probes
 from firmware.meter.prober import Prober, Reflector
+from firmware.meter.report import page
+from firmware.meter.report.text import duration, tables
 from firmware.meter.result import About, measured, result
 from firmware.meter.session import Session, TimeLine
-from firmware.meter.text import duration, tables
-from firmware.meter.watch import Watch
-from firmware.user import client
-from firmware.user.received import Pairing
-from firmware.user.table import Screen, lines_for
-from firmware.user.untrusted import within
+from firmware.meter.watch import status_fields
+from firmware.meter.watch.station import Watch
+from firmware.untrusted import within
 
 DESCRIPTION = """\
-Measures what becomes of messages between stations, without changing a bit of
-any: loss, duplicates, order, one-way delay, round trip, age of information and
-the gap between receptions, of each way from interface to interface, by type and
-station; and inside of each station, where a delay is made. Messages are matched
-by their octets (SHA-256), so that any traffic will do: what stations send
-anyway, or probes of the meter's own.
+Measures messages between stations: loss, duplicates, order, one-way delay,
+round trip, age of information, gaps between receptions. It does so for each
+direction from interface to interface, by type and station, and shows where
+inside a station a delay is made. It changes no message. Messages are matched
+by SHA-256 of their octets, so that any traffic will do: messages that stations
+send anyway, or probes of the meter.
 
-With two stations (--at twice) the way between them is measured; with one, its
-own hops. With two recordings (`captain record --pcapng`) the same is measured
-afterwards. Averages are over T (--interval) and the whole.
+With two stations (--at twice) it measures between them; with one, its own hops.
+Two recordings (`captain record --pcapng`) are measured in the same manner.
+Averages are over intervals T (--interval) and over the whole.
 
-A one-way delay is told where both clocks say how good they are, or are one: as
-a value +- what is not known. Elsewhere a round trip needs one clock alone:
-`captain meter --reflect` at the other end, and --round-trip here.
+A one-way delay needs two clocks of known accuracy, or one clock. It is given as
+a value +- its accuracy. A round trip needs one clock only: `captain meter
+--reflect` at the other end, and --round-trip here.
 
-Nothing is called lost before the grace is over, and what the meter itself did
-not hear (a report port that was silent, numbers that are missing) is told as
-unseen, never as lost.
+No message counts as lost before the grace time is over. If the meter itself
+missed reports, messages are unseen, not lost.
 """
 EPILOG = """\
 examples:
   captain meter --at A=10.0.0.1 --at B=10.0.0.2
-                              what the two say, until Ctrl-C
+                              measure two stations, until Ctrl-C
   captain meter --at A=10.0.0.1 --at B=10.0.0.2 --report drive.html
-                              and a page, drive.json and drive.geojson beside
+                              also write a page, drive.json and drive.geojson
   captain meter --at A=10.0.0.1 --at B=10.0.0.2 --probe cam --count 6000
                               with probes of A, 10 a second
-  captain meter --reflect     at the other end: sends probes back, ...
+  captain meter --reflect     at the other end: send probes back, ...
   captain meter --at A=10.0.0.1 --probe cam --round-trip
-                              ... and here their round trip is measured
+                              ... and measure their round trip here
   captain meter a.pcapng b.pcapng
-                              two recordings
+                              measure two recordings
   captain meter table1        ten messages between two stations of this machine
-  captain meter table2        12,000 messages through two ROS 2 gateways: says how
+  captain meter table2        12,000 messages through two ROS 2 gateways: how to
   captain meter table3        10 Hz CAM, T = 1 s, round a block of houses, by
-                              simulated radios; the loss is that of the radios
+                              simulated radios
 
-Ctrl-C or SIGTERM ends it, and what was measured is told, once all that was
-under way has arrived or is given up; the second one does not wait for that.
+Ctrl-C or SIGTERM ends the measurement. The meter waits for messages under way,
+then prints the result. A second signal ends the wait.
 
 exit codes:
-  0    measured, whoever ended it; tables: and the loss is that which was injected
-  1    no station answers, or a table's loss is not what was injected
+  0    measured; for table1 to table3, the measured loss equals the injected one
+  1    no station answers; for table1 to table3, the two losses differ
   2    wrong usage
   130  ended before all stations were heard
 """
 
-CUT = "It was ended before all was judged: what was under way then is in no figure."
+CUT = "The measurement was cut short: messages that were under way are in no figure."
 ENDING = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -85,13 +86,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     check(arguments)
-    # What was measured until then is told, whoever ends it; a shell's background has SIGINT ignored.
+    # A signal must print the result so far. SIGINT is set too, because shells start background jobs with SIGINT
+    # ignored.
     for one in ENDING:
         signal.signal(one, signal.default_int_handler)
     if arguments.reflect:
         return _reflect(arguments)
     if arguments.what and arguments.what[0] in shows.SHOWS:
-        shown = shows.SHOWS[arguments.what[0]](arguments.duration, arguments.interval / 1000)
+        shown = shows.SHOWS[arguments.what[0]](arguments.duration, arguments.interval)
         _tell(shown.result, arguments)
         print("\n".join(["", *shown.verdict]), file=sys.stderr if arguments.json else sys.stdout)
         return 0 if shown.is_right else 1
@@ -99,18 +101,18 @@ def main(arguments: argparse.Namespace) -> int:
     return 0
 
 
-# -- over the network
+# -- measurement over the network
 
 
 def _live(arguments: argparse.Namespace) -> dict[str, object]:
     line = TimeLine()
     sender = arguments.sender or arguments.at[0].name
     round_trips_of = sender if arguments.round_trip else ""
-    meter = Meter(arguments.interval / 1000, arguments.grace, arguments.between, round_trips_of)
+    meter = Meter(arguments.interval, arguments.grace, arguments.between, round_trips_of)
     session = Session(meter, line)
     with client.session() as context:
         for one in arguments.at:
-            # Of a probe it is measured when each station's users have it.
+            # With probes, all messages are read, because the time until delivery to users is measured.
             session.watch(one.name, one.place, context, is_whole=bool(arguments.probe))
         session.begin()
         _check_ends(meter)
@@ -125,8 +127,8 @@ def _live(arguments: argparse.Namespace) -> dict[str, object]:
                     screen.show(tables(result(meter, _about(session, began_s), session.prober, is_glance=True)))
 
             def waits() -> None:
-                words = f"what is under way is waited for, for {session.longest_end_s:g} s at most"
-                print(f"captain: {words}; once more Ctrl-C: not", file=sys.stderr, flush=True)
+                words = f"waiting for messages under way, at most {session.longest_end_s:g} s"
+                print(f"captain: {words}; Ctrl-C ends the wait", file=sys.stderr, flush=True)
 
             with _stopped_by_signals(session):
                 print(heard, file=sys.stderr, flush=True)
@@ -152,16 +154,16 @@ def _stopped_by_signals(session: Session) -> Iterator[None]:
 
 def _check_ends(meter: Meter) -> None:
     if strangers := meter.strangers():
-        raise UsageError(f"--between: no such interface: {', '.join(strangers)}", "NAME:INTERFACE=NAME:INTERFACE")
+        raise UsageError(f"--between: unknown interface: {', '.join(strangers)}", "write NAME:INTERFACE=NAME:INTERFACE")
 
 
 def _prober(arguments: argparse.Namespace, context: client.Context, watches: Sequence[Watch]) -> Prober:
     watch = next(one for one in watches if arguments.sender in (None, one.name))
     known = within(watch.status, "interfaces")
     if strange := [name for name in arguments.interface or () if name not in known]:
-        one_of = f"one of {', '.join(known)}"
-        raise UsageError(f"--interface: {watch.name} has no {', '.join(strange)}", one_of)
-    probes = Probes(load(), arguments.probe, arguments.size, time.time, told.place_of(watch.status))
+        one_of = f"use one of {', '.join(known)}"
+        raise UsageError(f"--interface: unknown to {watch.name}: {', '.join(strange)}", one_of)
+    probes = Probes(load(), arguments.probe, arguments.size, time.time, status_fields.position_of(watch.status))
     return Prober(
         watch.name,
         context,
@@ -178,12 +180,12 @@ def _about(session: Session, began_s: float) -> About:
     notes = []
     if (prober := session.prober) is not None:
         notes.append(
-            f"{prober.count} probes ({prober.probes.kind}, {prober.probes.octets} octets, {prober.rate:g} a second) "
-            f"were sent by {prober.name}: their stationID is {PROBES}"
+            f"{prober.name} sent {prober.count} probes ({prober.probes.kind}, {prober.probes.octets} octets, "
+            f"{prober.rate:g} a second) with stationID {PROBES}"
         )
         watch = next(one for one in session.watches if one.name == prober.name)
         if session.ended_s is not None and not watch.own.is_over(prober.count):
-            notes.append(f"{prober.name} did not say of all probes what became of them: are its ports of one station?")
+            notes.append(f"{prober.name} did not report on all probes; check that its ports are of one station")
     stations = {watch.name: watch.told() for watch in session.watches}
     return About("link meter", "over the network", began_s, ended_s - began_s, stations, tuple(notes))
 
@@ -196,7 +198,7 @@ def _reflect(arguments: argparse.Namespace) -> int:
         reflector = Reflector(context, place, options)
         subscriber = client.subscribe(context, place, place.to_users, "")
         pairing = Pairing()
-        print(f"captain: probes that {place.host}:{place.to_users} receives are sent back", file=sys.stderr, flush=True)
+        print(f"captain: reflecting probes of {place.host}:{place.to_users}", file=sys.stderr, flush=True)
         with suppress(KeyboardInterrupt):
             while end is None or time.monotonic() < end:
                 subscriber.poll(200)
@@ -209,17 +211,17 @@ def _reflect(arguments: argparse.Namespace) -> int:
         counts = {"reflected": reflector.reflected, "not_reflected": reflector.not_reflected}
         print(json.dumps({**counts, "stay_us": stay_us}))
     else:
-        print(f"{reflector.reflected} probes sent back; here for {duration(stay_us, 'median')}, half of them for less")
+        print(f"{reflector.reflected} probes reflected; median time here: {duration(stay_us, 'median')}")
         if reflector.not_reflected:
-            print(f"{reflector.not_reflected} were not: the station took no more")
+            print(f"{reflector.not_reflected} not reflected: the station accepted no more")
     return 0
 
 
-# -- afterwards
+# -- measurement of recordings
 
 
 def _recordings(arguments: argparse.Namespace) -> dict[str, object]:
-    meter = Meter(arguments.interval / 1000, arguments.grace, arguments.between)
+    meter = Meter(arguments.interval, arguments.grace, arguments.between)
     one, other = (
         recording.read(Path(path), name, is_first=name == "A") for path, name in zip(arguments.what, "AB", strict=True)
     )
@@ -232,7 +234,7 @@ def _recordings(arguments: argparse.Namespace) -> dict[str, object]:
     return result(meter, about)
 
 
-# -- what is told
+# -- output of the result
 
 
 def _tell(measured: Mapping[str, object], arguments: argparse.Namespace) -> None:

@@ -1,53 +1,54 @@
-"""captain modem: what the cellular modems of a station see, a command to one, its reset."""
+"""captain modem: shows the cellular modems of a station, sends commands, resets them."""
 
 import argparse
 import json
 from collections.abc import Mapping
 
-from board.errors import UsageError
-from drivers.modem_step import words
-from firmware.user import modules
-from firmware.user.arguments import add_control
-from firmware.user.modules import Kind, joined
-from firmware.user.table import Table, counted, span
-from firmware.user.untrusted import number, text, texts, within
+from board.runtime.errors import UsageError
+from drivers.sim8202g.step import words
+from firmware.client.arguments import add_control
+from firmware.client.show.status import modules
+from firmware.client.show.status.modules import Kind, joined
+from firmware.client.show.table import Table, counted, span
+from firmware.untrusted import number, text, texts, within
 
 DESCRIPTION = """\
-Shows what the cellular modems of a station see: how far one has come, its
-network, cell and signal; sends it a command; or resets it.
+Shows the cellular modems of a station: progress of the start, network, cell
+and signal. Or sends an AT command to one, or resets it.
 
-A command that only asks is sent as it is. One that may change the modem, lock
-its card or cost money needs --force. The answer is shown as it came, with
-whatever it says of the card's owner; the journal hides that.
+A command that may change the modem, lock its SIM or cost money needs --force.
+The answer is shown unchanged and may contain data of the SIM's owner. The
+journal hides these.
 """
 EPILOG = """\
 examples:
   captain modem status
   captain modem at AT+CPSI?
-  captain modem at AT+COPS=? --force      networks in reach; takes minutes, and
+  captain modem at AT+COPS=? --force      networks in reach; takes minutes and
                                           may end data connections
-  captain modem reset                     it is back after half a minute
+  captain modem reset                     ready again after half a minute
   captain modem status --json | jq '.cellular.details.cell'
 
 exit codes:
-  0    done, and for `at` answered with OK
-  1    no station answers, it has no such modem, or the modem did not say OK
+  0    done; for `at`: the modem answered OK
+  1    no station answers, the modem is unknown, or it did not answer OK
   2    wrong usage
 """
 KIND = Kind("modem", "modem", "driver", ("sim8202g",), "sim8202g", "--interface:")
-LONGEST_S = 310.0  # AT+COPS=? is given 300 s
+LONGEST_S = 310.0  # seconds; AT+COPS=? may take 300
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("ask", choices=("status", "at", "reset"), help="what to do")
-    parser.add_argument("command", metavar="COMMAND", nargs="?", default="", help="with at: such as AT+CSQ")
-    parser.add_argument("--interface", metavar="NAME", default="", help="which modem, where a station has several")
-    parser.add_argument("--force", action="store_true", help="send what may change the modem as well")
+    parser.add_argument("ask", choices=("status", "at", "reset"), help="action")
+    parser.add_argument("command", metavar="COMMAND", nargs="?", default="", help="AT command for `at`, such as AT+CSQ")
+    parser.add_argument("--interface", metavar="NAME", default="", help="interface of the modem, if there are several")
+    parser.add_argument("--force", action="store_true", help="also send commands that may change the modem")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     add_control(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
+    """Show, query or reset a modem. Raises UsageError for `at` without COMMAND, and for COMMAND with another action."""
     if (arguments.ask == "at") is not bool(arguments.command):
         raise UsageError(f"modem {arguments.ask}: {'give' if arguments.ask == 'at' else 'takes no'} COMMAND")
     found = modules.found(arguments, KIND)
@@ -64,11 +65,11 @@ def main(arguments: argparse.Namespace) -> int:
     return 0 if text(answer, "result").partition(":")[0] in ("OK", "CONNECT") else 1
 
 
-# -- the table of one modem; what a peer left out or wrote otherwise is shown as absent
+# -- the table of one modem; missing and malformed values are omitted
 
 
 def table(name: str, one: Mapping[str, object]) -> Table:
-    """What is known of a modem; a row that says nothing is left out."""
+    """Return the table of a modem; rows without a value are omitted."""
     details = within(one, "details")
     cell = within(details, "cell")
     leg = within(cell, "leg")
@@ -91,7 +92,7 @@ def table(name: str, one: Mapping[str, object]) -> Table:
 
 
 def _aged(value: str, ages: Mapping[str, object], what: str) -> str:
-    """A reading with its age, where that is told."""
+    """Return a value with its age, if known."""
     return joined(value, f"{span(number(ages, what))} ago") if value and what in ages else value
 
 

@@ -1,4 +1,4 @@
-"""captain record: what a station hears and sends, into files that Wireshark reads, and what users get, for ROS 2."""
+"""captain record: records frames for Wireshark and messages for ROS 2."""
 
 import argparse
 import subprocess
@@ -8,7 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
-from board.errors import RequestError, StationError, UsageError
+from board.runtime.errors import RequestError, StationError, UsageError
+from firmware import file_remedy
+from firmware.client import client
+from firmware.client.arguments import add_control, address, integer, number
+from firmware.client.listening import Listening, add_wish, wish_of
 from firmware.codec.library import load
 from firmware.recorder.ending import Ending
 from firmware.recorder.hearing import say
@@ -17,59 +21,55 @@ from firmware.recorder.ring import Limits
 from firmware.recorder.session import record
 from firmware.recorder.sinks import File, Keeper, Pipe, Sink, output, standard_output
 from firmware.recorder.triggers import ALL
-from firmware.user import client
-from firmware.user.arguments import add_control, address, integer, number
-from firmware.user.listening import Listening, add_wish, wish_of
 
 DESCRIPTION = """\
-Records a station.
+Records a station: its frames for Wireshark, or its messages for ROS 2.
 
---pcapng, --live and --ring have every frame as it came or left, by each of the
-station's interfaces, with what became of it: Wireshark, tshark and the tools of
-this program read them. Interfaces that have no frames (SOM301-E, MQTT, UART,
-bare PDUs) have theirs made up around the PDU, and say so. Comments and a custom
-option tell signal strength, drop reasons, queue times, and how good the time is.
+--pcapng, --live and --ring record each frame as it came or left, with the
+reason if it was dropped. Wireshark, tshark and the tools of this program read
+them. Interfaces without frames (SOM301-E, MQTT, UART, bare PDUs) get made-up
+headers around the PDU. The comment of a frame has signal strength, drop reason,
+time in the queue, and accuracy of the time stamp.
 
---mcap has what users receive, as messages of ROS 2 in its profile for ROS 2,
-which `ros2 bag`, Foxglove and PlotJuggler read; it has been read back by
-mcap-ros2-support, and not tried with them. The types are those of
-etsi_its_messages where it has the edition. For each type there are two topics:
+--mcap records the messages that users receive, as messages of ROS 2 in its
+profile for ROS 2. The types are those of etsi_its_messages where they have the
+edition. Each message type has two topics:
 
-  cam/received            the message, of the type etsi_its_cam_msgs/msg/CAM
+  cam/received            the message, of type etsi_its_cam_msgs/msg/CAM
   cam/received/metadata   time, signal strength, positions, edition, and the
-                          octets of the PDU as they came
+                          octets of the PDU
 
-What no edition of the message library takes is on the second topic alone. That
-file is not compressed; one that was not closed, because the power failed, ends
-within its last two seconds, and `mcap recover` mends it. A disk that is full
-ends it as well.
+A message that does not decode is on the second topic only. The file is not
+compressed. After a power failure it ends within its last two seconds, and
+`mcap recover` repairs it. A full disk ends it. It was read back with
+mcap-ros2-support; `ros2 bag`, Foxglove and PlotJuggler were not tried.
 
---ring keeps the last octets and seconds in files of a folder, and what was
-before an event under a name that says why: --on denm (a DENM that passed), loss
-(ten frames lost within a second), gnss (time by pulses no more), or SIGUSR1. The
-station does that by itself where captain.toml has [recorder]; --trigger tells
-it to keep what was.
+--ring keeps the last octets and seconds in files of a folder. At an event it
+keeps the files of the seconds before and after. Events are: denm (a DENM
+passed), loss (ten frames lost within a second), gnss (time no longer locked to
+pulses), and SIGUSR1. The station runs a ring by itself if captain.toml has [recorder];
+--trigger makes that one keep its files.
 
-Of frames, a disk that is full or gone costs some, which are counted: recording
-goes on when it is back. A cut of power costs the last second.
+A full or removed disk costs frames, which are counted. Recording continues when
+it is back. A power failure costs the last second.
 """
 EPILOG = """\
 examples:
-  captain record --pcapng drive.pcapng      everything, until Ctrl-C
-  captain record --pcapng - | tshark -r -   while it comes
-  captain record --live                     in Wireshark, while it comes
+  captain record --pcapng drive.pcapng      all frames, until Ctrl-C
+  captain record --pcapng - | tshark -r -   print frames as they come
+  captain record --live                     show them in Wireshark
   captain record --ring /data/ring --size 512 --age 7200 --on denm
-  captain record --trigger "near miss"      the station keeps what was before
+  captain record --trigger "near miss"      the station keeps its last files
   captain record --mcap minute.mcap --duration 60 --type cam --type denm
   captain record --pcapng far.pcapng --station 192.168.1.7
-                                            of a station elsewhere
+                                            record a station elsewhere
 
 exit codes:
-  0    the count or the duration is reached, SIGTERM, or a terminal that is gone
-  1    no station answers, there is no message library, or a file cannot be
-       written: some of what came is not in it
+  0    the count or the duration was reached, SIGTERM, or the terminal closed
+  1    no station answers, the message library is missing, or frames could not
+       be written
   2    wrong usage
-  130  Ctrl-C; the file is whole
+  130  Ctrl-C; the file is complete
 """
 OF_RING = ("size", "age", "on", "before", "after")
 MOST_MB = 1 << 20
@@ -78,17 +78,21 @@ LONGEST_S = 30 * 86400.0
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("--pcapng", metavar="FILE", help="frames, into a file that must not exist; `-`: standard output")
-    what.add_argument("--mcap", metavar="FILE", type=Path, help="messages for ROS 2, likewise")
-    what.add_argument("--live", action="store_true", help="frames, into a Wireshark that is started")
-    what.add_argument("--ring", metavar="FOLDER", type=Path, help="frames, into a ring of files in a folder")
-    what.add_argument("--trigger", metavar="TEXT", help="tell a station of this machine to keep what was, and why")
+    what.add_argument("--pcapng", metavar="FILE", help="record frames to a new file; `-`: standard output")
+    what.add_argument("--mcap", metavar="FILE", type=Path, help="record messages for ROS 2 to a new file")
+    what.add_argument("--live", action="store_true", help="start Wireshark and show frames in it")
+    what.add_argument("--ring", metavar="FOLDER", type=Path, help="record frames to a ring of files in a folder")
+    what.add_argument(
+        "--trigger", metavar="TEXT", help="make the station of this machine keep its last files; TEXT is the reason"
+    )
     ring = parser.add_argument_group("the ring")
-    ring.add_argument("--size", metavar="MB", type=integer(1, MOST_MB), help="at most (256)")
-    ring.add_argument("--age", metavar="S", type=_seconds, help="at most (3600)")
-    ring.add_argument("--on", metavar="EVENT", action="append", choices=ALL, help="keep what was before (default: all)")
-    ring.add_argument("--before", metavar="S", type=_seconds, help="kept of an event (30)")
-    ring.add_argument("--after", metavar="S", type=_seconds, help="kept of an event (10)")
+    ring.add_argument("--size", metavar="MB", type=integer(1, MOST_MB), help="maximum size (default 256)")
+    ring.add_argument("--age", metavar="S", type=_seconds, help="maximum age (default 3600)")
+    ring.add_argument(
+        "--on", metavar="EVENT", action="append", choices=ALL, help="event that keeps files (default: all)"
+    )
+    ring.add_argument("--before", metavar="S", type=_seconds, help="kept time before an event (default 30)")
+    ring.add_argument("--after", metavar="S", type=_seconds, help="kept time after an event (default 10)")
     add_wish(parser)
     add_control(parser)
 
@@ -97,10 +101,15 @@ _seconds = number("seconds", LONGEST_S)
 
 
 def main(arguments: argparse.Namespace) -> int:
+    """Record a station in one of the four formats.
+
+    Raises UsageError for options of a ring without --ring, RequestError if the MCAP file cannot be written,
+    StationError without the program wireshark.
+    """
     for name in () if arguments.ring is not None else OF_RING:
         if (value := getattr(arguments, name)) is not None:
             said = value[0] if isinstance(value, list) else f"{value:g}"
-            raise UsageError(f"--{name} {said}: only a ring has that", "--ring FOLDER makes one")
+            raise UsageError(f"--{name} {said}: only a ring has this option", "add --ring FOLDER")
     if arguments.trigger is not None:
         return _trigger(arguments)
     if arguments.mcap is not None:
@@ -116,7 +125,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 def _keeper(arguments: argparse.Namespace) -> Keeper:
     if not arguments.ring.is_dir():
-        raise RequestError(f"{arguments.ring} is no folder", "make it: nobody else shall, where a card is missing")
+        raise RequestError(f"--ring: {arguments.ring}: not a folder", "create it, or mount the card that has it")
     size = None if arguments.size is None else arguments.size << 20
     given = {"size": size, "age_s": arguments.age, "before_s": arguments.before, "after_s": arguments.after}
     limits = replace(Limits(), **{name: value for name, value in given.items() if value is not None})
@@ -125,16 +134,19 @@ def _keeper(arguments: argparse.Namespace) -> Keeper:
 
 def _trigger(arguments: argparse.Namespace) -> int:
     answer = client.ask_local(address(arguments), arguments.control, "record", text=arguments.trigger)
-    print(f"captain: the recorder is told; what it keeps: {answer.get('folder', '')}/kept-*")
+    print(f"captain: the recorder keeps {answer.get('folder', '')}/kept-*")
     return 0
 
 
 def _live(arguments: argparse.Namespace) -> int:
-    """Into Wireshark's standard input; it ends when its window is closed."""
+    """Record to Wireshark's standard input until its window is closed.
+
+    Raises StationError without the program wireshark.
+    """
     try:
         shark = subprocess.Popen(["wireshark", "-k", "-i", "-"], stdin=subprocess.PIPE)
     except FileNotFoundError as error:
-        raise StationError("the program wireshark is missing", "install the package wireshark") from error
+        raise StationError("wireshark: command not found", "install the package wireshark") from error
     with shark:
         pipe = shark.stdin
         assert pipe is not None
@@ -153,9 +165,7 @@ def _mcap(arguments: argparse.Namespace) -> int:
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise RequestError(
-            f"{arguments.mcap}: {error.strerror}", "what it holds until there, `mcap recover` makes whole"
-        ) from error
+        raise RequestError(f"{arguments.mcap}: {error.strerror}", "`mcap recover` repairs the file") from error
     return 0
 
 
@@ -181,7 +191,7 @@ def _messages(arguments: argparse.Namespace) -> None:
                 ending.check()
         except StationError:
             if not _is_standard_output(arguments.mcap):
-                arguments.mcap.unlink(missing_ok=True)  # it is of no station
+                arguments.mcap.unlink(missing_ok=True)  # the file is empty
             raise
         finally:
             try:
@@ -191,7 +201,7 @@ def _messages(arguments: argparse.Namespace) -> None:
 
 
 class Silence:
-    """Says when a station falls silent, and when it is heard again."""
+    """Prints a note when the station falls silent, and when it is heard again."""
 
     def __init__(self, listening: Listening) -> None:
         self._listening = listening
@@ -200,7 +210,7 @@ class Silence:
     def tell(self) -> None:
         before, self._silent_s = self._silent_s, self._listening.silent_s
         if self._silent_s and not before:
-            say("the station is silent: nothing is recorded until it is heard again")
+            say("the station is silent; recording continues when it is heard again")
         elif before and not self._silent_s:
             say(f"the station is heard again, after {before:.0f} s")
 
@@ -215,6 +225,6 @@ def _created(path: Path) -> AbstractContextManager[BinaryIO]:
     try:
         return path.open("xb")
     except FileExistsError:
-        raise UsageError(f"--mcap: {path} is there already", "name another, or remove it") from None
+        raise UsageError(f"--mcap: {path}: the file exists", "name another file, or remove it") from None
     except OSError as error:
-        raise RequestError(f"{path}: {error.strerror}", "does its folder exist, and may you write there?") from error
+        raise RequestError(f"{path}: {error.strerror}", file_remedy.to_write(error)) from error

@@ -1,4 +1,4 @@
-"""captain ros2: the gateway to ROS 2, by the Python of the ROS that is sourced."""
+"""captain ros2: starts the gateway to ROS 2, by the Python of the sourced ROS."""
 
 import argparse
 import json
@@ -9,37 +9,36 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from board import tool
-from board.errors import StationError
-from firmware.user.arguments import station
+from board.runtime import tool
+from board.runtime.errors import StationError
+from firmware.client.arguments import station
 
 DESCRIPTION = """\
-Starts the gateway between a station and ROS 2: a node, captain_gateway, with a
-topic for each type of message that is received, and one for each that is to be
-sent. It runs where ROS is, on this machine; the station may be on another.
+Starts the gateway between a station and ROS 2. It is a node, captain_gateway,
+with topics for received messages and for messages to send. It runs on this
+machine, with the ROS 2 that is sourced. The station may be on another machine.
 
-The gateway is no part of this program. It is run by the python3 of the ROS
-that is sourced, which needs: rclpy and the common interfaces; pyzmq;
-captain_messages, the message library as a wheel; captain_gateway, which is
-built by colcon, or lies beside this program's sources; and at least one package
-of messages. What is missing is told, with how to get it.
+The python3 of that ROS 2 needs rclpy, the common interfaces and pyzmq. It also
+needs the wheel of captain_messages, captain_gateway (built by colcon, or in
+this checkout), and a package of messages. Missing parts are listed by --check,
+each with its remedy.
 """
 EPILOG = """\
 examples:
   captain ros2                              a station of this machine
   captain ros2 --station 10.0.0.7           one elsewhere on the network
-  captain ros2 --check                      what there is, and what is missing
+  captain ros2 --check                      installed and missing parts
   captain ros2 --ros-args -p profile:=v2x_msgs -r __ns:=/car
-                                            everything behind --ros-args is
-                                            ROS's own
+                                            arguments after --ros-args are
+                                            those of ROS
 
 exit codes:
-  0    the node was ended by Ctrl-C; with --check: nothing is missing
+  0    ended by Ctrl-C; with --check: nothing is missing
   1    something is missing
   2    wrong usage
 """
 PROBE_S = 30.0
-# Asked of the other Python; what it says goes to its last line, because a ROS may print while it is imported.
+# This is run by the other Python. Its answer is the last line, because a ROS may print text while it is imported.
 PROBE = """
 import json, importlib, pkgutil, re, sys
 found = {"python": sys.version.split()[0], "executable": sys.executable}
@@ -57,16 +56,16 @@ packages = sorted(one.name for one in pkgutil.iter_modules() if ours.fullmatch(o
 found["messages" if packages else "no messages"] = ", ".join(packages) or "no package of messages is installed"
 print(json.dumps(found))
 """
-# What Debian 12 and Ubuntu 24.04, of which Jazzy is, have pip say (PEP 668), and what does no harm there.
+# Debian 12 and Ubuntu 24.04 refuse pip without this option (PEP 668); it does no harm there.
 PIP = "python3 -m pip install (where that is refused as externally managed: with --user --break-system-packages)"
-WHEEL = f"captain-asn1 generate --all --form wheel --ros2 --to DIR, then {PIP} DIR/*.whl"
+WHEEL = f"captain-asn1 generate --all --format wheel --ros2 --to DIR, then {PIP} DIR/*.whl"
 COMMON = (
     "apt-get install ros-<distribution>-common-interfaces, or beside the wheel of rclpy python3 -m pip install "
     "ros-jazzy-common-interfaces"
 )
 REMEDIES = {
-    "rclpy": "source a ROS 2: . /opt/ros/jazzy/setup.bash; where there is none: https://docs.ros.org, or to try "
-    "things out python3 -m pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces (x86-64, Python 3.11 "
+    "rclpy": "source a ROS 2: . /opt/ros/jazzy/setup.bash; to install one: https://docs.ros.org, or, to "
+    "try it, python3 -m pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces (x86-64, Python 3.11 "
     "and 3.12)",
     "zmq": f"apt-get install python3-zmq, or {PIP} pyzmq",
     "captain_messages": WHEEL,
@@ -75,10 +74,10 @@ REMEDIES = {
     "diagnostic_msgs": COMMON,
     "geometry_msgs": COMMON,
     "sensor_msgs": COMMON,
-    "messages": "captain-asn1 generate cam-1.4.1 denm-1.3.1 --form ros2 --to DIR, build them by colcon, and source "
+    "messages": "captain-asn1 generate cam-1.4.1 denm-1.3.1 --format ros2 --to DIR, build them by colcon, and source "
     "their setup file",
 }
-# What it runs without, and what it does not do then.
+# Optional parts of ROS -> functions that are missing without them.
 OPTIONAL = {
     "captain_gateway_msgs": "no metadata, no requests, no services; colcon builds it",
     "tf2_msgs": "own pose is not on /tf; apt-get install ros-<distribution>-tf2-msgs",
@@ -93,11 +92,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         type=station,
         help="its host and the port that users publish to; the others follow: +1 to users, +2 PULL, +3 reports",
     )
-    parser.add_argument("--check", action="store_true", help="say what is there, and start nothing")
+    parser.add_argument("--check", action="store_true", help="list installed and missing parts, start nothing")
     parser.add_argument("--ros-args", nargs=argparse.REMAINDER, default=[], help="arguments of ROS: all that follow")
 
 
 def main(arguments: argparse.Namespace) -> int:
+    """Replace this process by the ROS 2 gateway. Raises StationError for the first missing part of ROS 2."""
     environment = with_sources(tool.environment() or os.environ, sources())
     found = probe(environment)
     lacking = missing(found)
@@ -113,13 +113,13 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def sources() -> Path | None:
-    """Where the gateway lies beside this program's sources; None in a binary, which has none of it."""
+    """Return the folder of the gateway beside this program's sources; None in a binary, which does not contain it."""
     place = Path(__file__).resolve().parents[1] / "gateway" / "captain_gateway"
     return place if (place / "captain_gateway" / "__init__.py").is_file() else None
 
 
 def with_sources(environment: Mapping[str, str], place: Path | None) -> dict[str, str]:
-    """So that a gateway that is installed there goes before that of the sources."""
+    """Return the environment with the gateway's sources last in PYTHONPATH: an installed gateway is preferred."""
     if place is None:
         return dict(environment)
     before = environment.get("PYTHONPATH", "")
@@ -127,10 +127,13 @@ def with_sources(environment: Mapping[str, str], place: Path | None) -> dict[str
 
 
 def probe(environment: Mapping[str, str]) -> dict[str, str]:
-    """What the python3 of an environment has: module -> where, or "no <module>" -> why not. Raises StationError."""
+    """Return the modules that the python3 of an environment has: module -> path, or "no <module>" -> reason.
+
+    Raises StationError if python3 is missing, fails, or answers otherwise.
+    """
     python = shutil.which("python3", path=environment.get("PATH"))
     if python is None:
-        raise StationError("there is no python3 in PATH", REMEDIES["rclpy"])
+        raise StationError("python3: not found in PATH", REMEDIES["rclpy"])
     try:
         said = subprocess.run(
             [python, "-c", PROBE], env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True,
@@ -139,21 +142,21 @@ def probe(environment: Mapping[str, str]) -> dict[str, str]:
         found = json.loads(said.stdout.splitlines()[-1])
     except subprocess.CalledProcessError as error:
         last = (error.stderr.strip().splitlines() or ["nothing"])[-1]
-        raise StationError(f"{python}: ended with {error.returncode}: {last}", "is ROS 2 sourced and whole?") from error
+        raise StationError(f"{python}: ended with {error.returncode}: {last}", "source a complete ROS 2") from error
     except (subprocess.TimeoutExpired, OSError, ValueError, IndexError) as error:
-        raise StationError(f"{python}: does not answer as a Python does: {error}", "is ROS 2 sourced?") from error
+        raise StationError(f"{python}: does not answer as a Python does: {error}", "source ROS 2") from error
     return {str(name): str(value) for name, value in found.items()}
 
 
 class Lack(NamedTuple):
-    """Something that is missing, and what to do about it."""
+    """Missing part, with its remedy."""
 
     what: str
     remedy: str
 
 
 def missing(found: Mapping[str, str]) -> list[Lack]:
-    """Of what probe() has found, what is not enough."""
+    """Return the missing parts by the result of probe()."""
     python = found["executable"]
     version = tuple(int(part) for part in found["python"].split(".")[:2])
     if version < OLDEST:
@@ -171,7 +174,7 @@ def missing(found: Mapping[str, str]) -> list[Lack]:
 
 
 def told(found: Mapping[str, str], lacking: list[Lack]) -> list[str]:
-    """Lines of --check."""
+    """Return the lines that --check prints."""
     lines = [f"{'python3':22}{found['executable']}, {found['python']}"]
     for name in (*REMEDIES, *OPTIONAL):
         lines.append(f"{name:22}{found.get(name, 'no: ' + found.get(f'no {name}', ''))}")
@@ -183,7 +186,7 @@ def told(found: Mapping[str, str], lacking: list[Lack]) -> list[str]:
 
 
 def _station(place: tuple[str, int] | None) -> list[str]:
-    """Parameters of the node that name a station."""
+    """Return the node's parameters that name a station."""
     if place is None:
         return []
     host, first = place

@@ -1,4 +1,4 @@
-"""captain run: the station itself, in the foreground, until it is told to stop."""
+"""captain run: runs the station in the foreground until SIGTERM or Ctrl-C."""
 
 import argparse
 import logging
@@ -6,32 +6,32 @@ import resource
 import signal
 import sys
 
-from board.errors import StationError
-from board.loop import Loop
-from board.signals import Signals
-from firmware import config
-from firmware.peers.limits import raise_descriptors
+from board.runtime.errors import StationError
+from board.runtime.loop import Loop
+from board.runtime.signals import Signals
+from firmware.client.arguments import add_configuration
+from firmware.config import captain_toml
+from firmware.endpoint.peers.limits import raise_descriptors
 from firmware.printable import clean
-from firmware.station import Station
-from firmware.user.arguments import add_configuration
+from firmware.station.station import Station
 
 DESCRIPTION = """\
-Runs the station: interfaces on one side, user programs on the other.
+Runs a station, which connects user programs with V2X interfaces.
 
-SIGTERM and Ctrl-C drain the queues and stop within a second. SIGHUP reads the policy again and keeps connections.
-Under systemd (Type=notify) it reports readiness and feeds the watchdog.
+SIGTERM and Ctrl-C send what is queued and stop the station within a second.
+SIGHUP reloads the policy; connections stay. As a service (Type=notify) the
+station reports readiness to systemd and feeds its watchdog.
 """
 EPILOG = """\
 examples:
   captain run                           simulated board, default ports
   captain run --config captain.toml     interfaces and policy of a file
   captain run --set endpoint.address=0.0.0.0
-        users of other machines may connect
+        programs of other machines may connect
   captain run --board none --set interfaces.air.driver=udp --set interfaces.air.listen=127.0.0.1:9001
-        one interface, and nothing simulated
-  captain run --board quad              a Pi on a Quad Expander; pi: one without
-  captain run --board ./crowd.toml      a board file of your own: with another
-                                        [neighbours] than that of sim
+        one interface, no simulation
+  captain run --board quad              a Pi under a Quad Expander
+  captain run --board ./crowd.toml      a board file of your own
 
 exit codes:
   0    stopped as asked
@@ -39,19 +39,26 @@ exit codes:
   2    wrong usage
 """
 
-LEAST_DESCRIPTORS = 64  # on the simulated board 30; each user takes one more
+LEAST_DESCRIPTORS = 64  # the simulated board needs 30, and each user one more
 ENOUGH = "raise the hard limit: LimitNOFILE=1024 in the unit, or nofile in /etc/security/limits.conf"
 
 
 class Prefixed(logging.Formatter):
-    """Each line with who says it: several mistakes of a file are as many lines, and one may be searched for.
+    """Formats each line of a message with logger name and level, so that a search finds every line.
 
-    A peer's words may be in it, and a terminal obeys some of them.
+    Control characters are escaped, because text of a peer may contain some.
+
+    has_times  begin each line with its local time to the millisecond.
     """
+
+    def __init__(self, has_times: bool = False) -> None:
+        super().__init__()
+        self._has_times = has_times
 
     def format(self, record: logging.LogRecord) -> str:
         lines = super().format(record).split("\n")
-        return "\n".join(f"{record.name}: {record.levelname}: {clean(line)}" for line in lines)
+        stamp = f"{self.formatTime(record, '%H:%M:%S')}.{int(record.msecs):03} " if self._has_times else ""
+        return "\n".join(f"{stamp}{record.name}: {record.levelname}: {clean(line)}" for line in lines)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,12 +67,20 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
+    """Run a station until SIGTERM or SIGINT.
+
+    Raises StationError if the hard limit of descriptors is too low.
+    """
     journal = logging.StreamHandler(sys.stderr)
-    journal.setFormatter(Prefixed())
+    # A terminal gets times; systemd's journal, which is a socket, adds times of its own. JOURNAL_STREAM cannot tell
+    # them apart, because terminals of a desktop session inherit it.
+    journal.setFormatter(Prefixed(has_times=sys.stderr.isatty()))
     logging.basicConfig(level=arguments.log.upper(), handlers=[journal])
 
     _check_descriptors()
-    source = config.Source(arguments.config, tuple(arguments.overrides), arguments.board, arguments.defaults)
+    source = captain_toml.ConfigSource(
+        arguments.config, tuple(arguments.overrides), arguments.board, arguments.defaults
+    )
     wanted = source.load()
     raise_descriptors()
     loop = Loop()
@@ -86,14 +101,14 @@ def main(arguments: argparse.Namespace) -> int:
         loop.run()
     finally:
         station.close()
-        # A second SIGTERM while the process ends must not change its exit status.
+        # A second signal while the process ends must not change its exit status.
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
     return 0
 
 
 def _check_descriptors() -> None:
-    """Raises StationError where they are too few: below ten libzmq aborts, above that some part fails late."""
+    """Check the limit of file descriptors. Raises StationError if it is too low: with fewer than ten, libzmq aborts."""
     most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
     if 0 <= most < LEAST_DESCRIPTORS:  # RLIM_INFINITY is -1
         raise StationError(

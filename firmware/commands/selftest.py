@@ -1,4 +1,4 @@
-"""captain selftest: is each thing that the board file declares there, and does it work?"""
+"""captain selftest: tests each part of the board and each interface."""
 
 import argparse
 import json
@@ -8,27 +8,28 @@ import sys
 from collections.abc import Mapping
 from contextlib import chdir, closing, nullcontext
 
-from board.errors import StationError
-from board.loop import Loop
-from board.scratch import Scratch
-from board.signals import Signals
-from firmware import config
+from board.runtime.errors import StationError
+from board.runtime.loop import Loop
+from board.runtime.scratch import Scratch
+from board.runtime.signals import Signals
+from firmware import systemd
+from firmware.client import client
+from firmware.client.arguments import add_configuration, add_socket, as_service
+from firmware.client.show.table import Screen, Table
+from firmware.config import captain_toml
 from firmware.lab import ports
-from firmware.station import Station
-from firmware.user import client, systemd
-from firmware.user.arguments import add_configuration, add_socket, as_service
-from firmware.user.table import Screen, Table
-from firmware.user.untrusted import listed, text
+from firmware.station.station import Station
+from firmware.untrusted import listed, text
 
 DESCRIPTION = """\
-Looks at each thing that the board file and the configuration declare: whether
-it is present, whether it works, and what was measured. Nothing is switched
-that the station would not switch by itself.
+Tests each part that the board file and the configuration declare: is it
+present, does it work, what was measured. The test switches nothing that the
+station would not switch anyway.
 
-A station that runs on this machine with these options is asked; with --control
-the one there, and no other. Where none runs, one is started for the test,
-without users, and stopped again. Without options, where the station is a
-service (captain.service, as on a box), they are the service's.
+A running station with these options executes the test; with --control the
+station of that socket. If none runs, one is started without users for the
+test. Without options, the options of the service apply (captain.service, as on
+a box).
 """
 EPILOG = """\
 examples:
@@ -39,10 +40,10 @@ examples:
 
 exit codes:
   0    every declared capability works
-  1    one does not, or the test could not be made
+  1    one does not work, or the test was not possible
   2    wrong usage
 """
-PATIENCE_S = 30.0  # of the whole test
+PATIENCE_S = 30.0  # time limit of the whole test
 NO_USERS = tuple(f"endpoint.{key}=0" for key in ("from_users", "to_users", "pull", "report"))
 
 
@@ -52,8 +53,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--json",
         action="store_true",
-        help="a list of objects: capability, is_present, works (null: empty), value, remedy, ask (empty where no "
-        "station runs that could be asked)",
+        help="a list of objects: capability, is_present, works (null: empty), value, remedy, ask (empty "
+        "without a running station)",
     )
 
 
@@ -68,7 +69,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _rows(arguments: argparse.Namespace) -> list[dict[str, object]]:
-    """Of the station that is meant; what a station may be asked afterwards is left out where that one has gone."""
+    """Return the rows of the running station, or of a temporary one, whose rows have no `ask`."""
     if arguments.control:
         return _asked(client.Address(), arguments.control)
     unit = as_service(arguments)
@@ -77,7 +78,9 @@ def _rows(arguments: argparse.Namespace) -> list[dict[str, object]]:
 
 
 def _configured(arguments: argparse.Namespace) -> list[dict[str, object]]:
-    endpoint = config.load(arguments.config, arguments.overrides, arguments.board, arguments.defaults).tables.endpoint
+    endpoint = captain_toml.load(
+        arguments.config, arguments.overrides, arguments.board, arguments.defaults
+    ).tables.endpoint
     if ports.running(endpoint.from_users, endpoint.control) is not None:
         return _asked(client.Address(from_users=endpoint.from_users), endpoint.control)
     return [row | {"ask": ""} for row in listed(_alone(arguments), "rows")]
@@ -88,7 +91,7 @@ def _asked(place: client.Address, control: str) -> list[dict[str, object]]:
 
 
 def table(rows: list[dict[str, object]]) -> Table:
-    """Rows as they are shown; what to do stands below."""
+    """Return the table of capabilities, with the remedies below it."""
     shown = [
         (
             text(row, "capability"),
@@ -109,14 +112,14 @@ def table(rows: list[dict[str, object]]) -> Table:
 
 
 def _is_empty(row: Mapping[str, object]) -> bool:
-    """A slot with nobody in it, which nobody uses: there is nothing that could work."""
+    """Whether the row is an empty slot that no interface uses."""
     return row.get("works", False) is None
 
 
 def _alone(arguments: argparse.Namespace) -> Mapping[str, object]:
-    """The answer of a station that runs for this test only, at ports that nobody knows.
+    """Return the answer of a temporary station without users, which runs for this test only.
 
-    Raises StationError where there is none within PATIENCE_S, or it is told to stop before.
+    Raises StationError if no answer comes within PATIENCE_S, and if the test is stopped.
     """
     logging.basicConfig(level="ERROR", format="%(name)s: %(levelname)s: %(message)s", stream=sys.stderr)
     found: list[Mapping[str, object] | StationError] = []
@@ -124,14 +127,14 @@ def _alone(arguments: argparse.Namespace) -> Mapping[str, object]:
 
     def answered(answer: Mapping[str, object] | StationError) -> None:
         found.append(answer)
-        loop.soon(loop.stop)  # it may come before the loop turns
+        loop.soon(loop.stop)  # the answer may come before the loop runs
 
-    late = StationError(f"the self-test has no answer after {PATIENCE_S:g} s", "`captain doctor` looks at each part")
+    late = StationError(f"no answer to the self-test after {PATIENCE_S:g} s", "`captain doctor` looks at each part")
     loop.after(PATIENCE_S, lambda: answered(late))
-    signals = Signals(loop, {signal.SIGTERM: lambda: answered(StationError("the self-test was told to stop"))})
+    signals = Signals(loop, {signal.SIGTERM: lambda: answered(StationError("the self-test was stopped"))})
     with closing(loop), closing(signals), closing(Scratch("captain-selftest-")) as scratch:
         own = f"endpoint.control={scratch.path / 'control'}"
-        source = config.Source(
+        source = captain_toml.ConfigSource(
             arguments.config, (*arguments.overrides, *NO_USERS, own), arguments.board, arguments.defaults
         )
         station = Station(loop, source.load(), source)

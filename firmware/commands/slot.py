@@ -1,66 +1,72 @@
-"""captain slot: what sits in the slots of the board, and their power."""
+"""captain slot: lists the slots of the board and switches their power."""
 
 import argparse
 import json
 import sys
 import time
 
-from board.errors import StationError, UsageError
+from board.runtime.errors import StationError, UsageError
+from firmware.client import client
+from firmware.client.arguments import add_control, address
+from firmware.client.show.status import board
+from firmware.client.show.table import Screen
 from firmware.printable import clean
-from firmware.user import board, client
-from firmware.user.arguments import add_control, address
-from firmware.user.table import Screen
-from firmware.user.untrusted import named, text
+from firmware.untrusted import named, text
 
 DESCRIPTION = """\
-Lists the slots of the board under a running station of this machine, or
-switches one of them. Only the station touches power; this command asks it.
+Lists the slots of the board of a running station on this machine, or switches
+one of them. The station itself switches the power.
 
-`off` stays until `on`, also when something is plugged in. `on` and `cycle`
-end a fault. A slot is given by its name or by its number, from 1 on.
+A slot that is `off` stays off until `on`, even if a module is plugged in. `on`
+and `cycle` clear a fault. A slot is given by its name or its number (from 1).
 """
 EPILOG = """\
 examples:
   captain slot list
-  captain slot cycle cellular --wait       until its driver runs again
+  captain slot cycle cellular --wait       return when its driver runs again
   captain slot off 4
   captain slot list --json | jq '.cellular.state'
 
 states:
-  unused    no interface has it; its power is left as it was found
+  unused    no interface uses it; its power is not changed
   off       switched off by an operator
-  powering  its power is on, its device is waited for
-  starting  its device is there, its driver is being started
-  running   its driver runs
-  cycling   without power for a moment
-  empty     switched on, no interface has it, and nothing is plugged in: what
-            is plugged in later is seen
-  fault     given up: the cause stays until a device is plugged in, or until
-            `captain slot on` or `cycle`
+  powering  power is on, waiting for the device
+  starting  device present, starting the driver
+  running   driver running
+  cycling   power is off for a moment
+  empty     switched on, but no interface uses it and no device is present;
+            a device is detected when it is plugged in
+  fault     given up, until a device is plugged in or `captain slot on` or
+            `cycle` is run
 
 exit codes:
   0    done
-  1    no station answers, there is no such slot, or with --wait it did not run
+  1    no station answers, the slot is unknown, or with --wait it did not run
   2    wrong usage
 """
-PATIENCE_S = 120.0  # of --wait: a cellular module needs 30 s after its power, and may need a power cycle more
+PATIENCE_S = 120.0  # time limit of --wait in seconds: a cellular module needs 30 s, and may need another power cycle
 LOOK_S = 0.25
 ENDS = {"running": 0, "off": 0, "unused": 0, "empty": 1, "fault": 1}
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("ask", choices=("list", "on", "off", "cycle"), help="what to do")
+    parser.add_argument("ask", choices=("list", "on", "off", "cycle"), help="action; list needs no SLOT")
     parser.add_argument("slot", nargs="?", default="", help="which one; not with list")
     parser.add_argument(
         "--wait",
         action="store_true",
-        help="return when it runs, is off, is empty or has a fault; until then each change is told on stderr",
+        help="wait until it runs, is off, is empty or has a fault; changes are printed on stderr",
     )
-    parser.add_argument("--json", action="store_true", help="one JSON object, by the names of the slots")
+    parser.add_argument("--json", action="store_true", help="one JSON object, by slot name")
     add_control(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
+    """Show slots, or switch one.
+
+    Raises UsageError for a slot with `list`, or without one for other actions; StationError if --wait exceeds
+    PATIENCE_S.
+    """
     if (arguments.ask == "list") is bool(arguments.slot):
         raise UsageError(f"slot {arguments.ask}: name {'no slot' if arguments.slot else 'a slot, or its number'}")
     slots = _ask(arguments, arguments.ask, arguments.slot)
@@ -80,7 +86,10 @@ def _ask(arguments: argparse.Namespace, ask: str, slot: str = "") -> dict[str, o
 
 
 def _wait(arguments: argparse.Namespace, name: str) -> tuple[dict[str, object], int]:
-    """Look at a slot until it has come to rest, and say what it does. Raises StationError when it does not."""
+    """Wait until a slot reaches a final state, and print each change; return its status and the exit code.
+
+    Raises StationError after PATIENCE_S.
+    """
     end = time.monotonic() + PATIENCE_S
     said = ""
     while time.monotonic() < end:

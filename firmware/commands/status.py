@@ -1,4 +1,4 @@
-"""captain status: what a station is doing, and what it could not do."""
+"""captain status: shows interfaces, counters and drops of a station."""
 
 import argparse
 import json
@@ -6,31 +6,30 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from board.errors import StationError
-from firmware.signatures import UNVERIFIED
-from firmware.user import board, client, clock, storage
-from firmware.user.arguments import add_socket, add_station, address
-from firmware.user.table import Screen, Table, span, times
-from firmware.user.untrusted import listed, named, number, text, within
+from board.runtime.errors import StationError
+from firmware.client import client
+from firmware.client.arguments import add_socket, add_station, address
+from firmware.client.show.status import board, clock, storage
+from firmware.client.show.table import Screen, Table, span, times
+from firmware.station.signatures import UNVERIFIED
+from firmware.untrusted import listed, named, number, text, total, within
 
-WATCH_S = 1.0  # as often as a station reports
-LAST_TIME = 253402300799.0  # 9999-12-31: later ones of a peer have no calendar
+WATCH_S = 1.0  # interval in seconds at which a station publishes its status
+LAST_TIME = 253402300799.0  # 9999-12-31, the last date that datetime supports
 
 DESCRIPTION = """\
-Shows the interfaces with their links and queues, what was received and sent
-per type, every drop by reason with its meaning and the last sample,
-duplicates, and how often each row of the policy matched.
+Shows the state of a station: its interfaces, links and queues, messages per
+type, drops with their reasons, duplicates, and matches of the policy.
 
-A station of this machine is asked over its control socket, any other one by
-the status that it reports once a second. Fits 80 columns and needs no colour.
+The status of a station on this machine comes from its control socket. That of
+another one comes from its report port, once a second.
 """
 EPILOG = """\
 examples:
   captain status                           the station of this machine
-  captain status --watch                   again every second, until Ctrl-C,
-                                           as much as the terminal has lines
-  captain status --station 192.168.1.20    a station elsewhere, whose endpoint
-                                           is not bound to loopback
+  captain status --watch                   every second, until Ctrl-C
+  captain status --station 192.168.1.20    a station on another machine, with
+                                           endpoint.address = "0.0.0.0"
   captain status --json | jq .drops        for programs
 
 exit codes:
@@ -43,12 +42,13 @@ exit codes:
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object, as published under `status.`")
-    parser.add_argument("--watch", action="store_true", help="show it again every second")
+    parser.add_argument("--watch", action="store_true", help="repeat every second")
     add_socket(parser)
     add_station(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
+    """Show the status of a station, once or repeatedly. Raises StationError if it stops publishing."""
     place = address(arguments)
     if not arguments.watch:
         _show(client.status(place, arguments.control), arguments.json, None)
@@ -60,19 +60,22 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _asked(control: Path) -> Iterator[dict[str, object]]:
-    """A status again and again, by a control socket. Raises StationError when nobody answers."""
+    """Yield a status from a control socket every WATCH_S. Raises StationError if no station answers."""
     while True:
         yield client.station_status(control)
         time.sleep(WATCH_S)
 
 
 def _statuses(place: client.Address) -> Iterator[dict[str, object]]:
-    """Each status that the station publishes. Raises StationError when they stop coming."""
+    """Yield each status that the station publishes. Raises StationError if it stops."""
     with client.session() as context:
         subscriber = client.subscribe(context, place, place.report, "status.")
         while (status := client.next_report(subscriber, "status.")) is not None:
             yield status
-    raise StationError(f"no status from {place.host}:{place.report} for {client.ANSWER_S:g} s", "did the station stop?")
+    raise StationError(
+        f"no status from {place.host}:{place.report} for {client.ANSWER_S:g} s",
+        "check that the station runs: captain doctor",
+    )
 
 
 def _show(status: dict[str, object], is_json: bool, screen: Screen | None) -> None:
@@ -82,13 +85,13 @@ def _show(status: dict[str, object], is_json: bool, screen: Screen | None) -> No
         (screen or Screen()).show(tables(status, time.time()))
 
 
-# -- the tables of one status; what a peer left out or wrote otherwise is shown as absent
+# -- the tables of one status; missing and malformed values are shown as 0 or empty
 
 
 def tables(status: Mapping[str, object], now: float) -> list[Table]:
-    """What `captain status` shows of a status message; now is Unix time.
+    """Return the tables of a status; now: Unix time in seconds.
 
-    What is wrong comes first, then what is short: a small terminal has no room for the rest.
+    Problems and short tables come first, because a small terminal cannot show all.
     """
     return [
         Table(_station(status)),
@@ -117,13 +120,13 @@ def _station(status: Mapping[str, object]) -> str:
 
 
 def _storage(status: Mapping[str, object]) -> list[Table]:
-    """Only where something is not kept, was refused, or is not recorded."""
+    """Return a table only if files are not kept, writes were refused, or the recorder does not record."""
     troubles = storage.trouble(within(status, "storage")), storage.recorder_trouble(within(status, "recorder"))
     return [Table(trouble) for trouble in troubles if trouble]
 
 
 def _security(status: Mapping[str, object]) -> list[Table]:
-    """Only where signed messages were delivered; dropped ones are among the drops."""
+    """Return a table only if signed messages were delivered. Dropped ones are in the table of drops."""
     security = within(status, "security")
     delivered = number(security, "delivered")
     if not delivered or security.get("verifies") is not False:
@@ -141,8 +144,8 @@ def _interfaces(status: Mapping[str, object]) -> Table:
                 text(one, "driver"),
                 text(one, "state"),
                 span(number(one, "since_s")),
-                f"{_sum(one, 'received'):.0f}",
-                f"{_sum(one, 'sent'):.0f}",
+                f"{total(one, 'received'):.0f}",
+                f"{total(one, 'sent'):.0f}",
                 f"{number(queue, 'length'):.0f}/{number(queue, 'capacity'):.0f}",
                 f"{number(queue, 'longest'):.0f}",
                 f"{number(one, 'neighbours'):.0f}",
@@ -185,7 +188,7 @@ def _endpoint(status: Mapping[str, object]) -> str:
 
 
 def _reports(status: Mapping[str, object]) -> list[Table]:
-    """Only where a subscriber of them does not keep up."""
+    """Return a line only if a subscriber of port 5558 is slow."""
     slow = _slow(within(status, "report"))
     return [Table(f"reports{slow}")] if slow else []
 
@@ -222,13 +225,13 @@ def _drops(status: Mapping[str, object], now: float) -> Table:
 
 
 def _meanings(counts: Sequence[Mapping[str, object]]) -> list[str]:
-    """What their reasons mean, each once."""
+    """Return the meaning of each reason once."""
     meanings = {text(one, "reason"): text(one, "meaning") for one in counts}
     return [f"{reason}: {meaning}" for reason, meaning in meanings.items()]
 
 
 def _implausible(status: Mapping[str, object], now: float) -> list[Table]:
-    """Only where messages were marked; whether they are dropped is said by the drops."""
+    """Return a table only if messages were marked as implausible. Dropped ones are in the table of drops."""
     found = [(name, doubt) for name, one in named(status, "interfaces") for doubt in listed(one, "implausible")]
     rows = [
         (
@@ -258,7 +261,7 @@ def _duplicates(status: Mapping[str, object]) -> Table:
 
 
 def _paths(status: Mapping[str, object]) -> list[Table]:
-    """Only where messages come by more than one way."""
+    """Return a table only if messages arrive by more than one interface."""
     duplicates = within(status, "duplicates")
     found = listed(duplicates, "paths")
     rows = [row for path in found for row in _path(path)]
@@ -268,11 +271,11 @@ def _paths(status: Mapping[str, object]) -> list[Table]:
     more = f"the last {len(found)} of {kept:.0f} that are kept; {forgotten:.0f} forgotten"
     notes = [more] if kept > len(found) else []
     heads = ("station", "type", "interface", ">first", ">lead ms", ">alone")
-    return [Table("which way was first, and what one way alone has brought", heads, rows, notes)]
+    return [Table("which interface was first, and messages of one interface alone", heads, rows, notes)]
 
 
 def _path(path: Mapping[str, object]) -> list[tuple[str, ...]]:
-    """A line for each interface, the station's name and type in the first."""
+    """Return a row for each interface; only the first one has station and type."""
     first, lead, alone = (within(path, key) for key in ("first", "lead_ms", "alone"))
     rows: list[tuple[str, ...]] = []
     who = f"{number(path, 'station'):.0f}", text(path, "type") or "(no name)"
@@ -289,8 +292,3 @@ def _policy(status: Mapping[str, object]) -> Table:
         for index, row in enumerate(listed(status, "policy"))
     ]
     return Table("policy" if rows else "no policy", ("row", ">matched"), rows)
-
-
-def _sum(one: Mapping[str, object], key: str) -> float:
-    counts = within(one, key)
-    return sum(number(counts, kind) for kind in counts)

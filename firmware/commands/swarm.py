@@ -1,4 +1,4 @@
-"""captain swarm: many virtual stations from one process."""
+"""captain swarm: simulates many virtual stations in one process."""
 
 import argparse
 import json
@@ -11,36 +11,38 @@ from contextlib import ExitStack
 from pathlib import Path
 from random import Random
 
-from board.address import Address
-from board.address import address as udp_address
-from board.errors import ConfigurationError, RequestError
+from board.runtime.errors import RequestError
 from drivers.message import Area, MessageType
 from drivers.sim.track import Point
+from firmware.client import client
+from firmware.client.arguments import add_station, address, finite, integer, number, seconds, udp_address
 from firmware.codec.reading import Pdu
 from firmware.printable import clean
 from firmware.replay.ending import until_sigterm
-from firmware.replay.ends import Datagrams, Device, Station, station_lines
+from firmware.replay.ends import Datagrams, DeviceEnd, StationEnd, station_lines
 from firmware.replay.reasons import count
 from firmware.swarm import tracks
-from firmware.swarm.audience import Audience, Ear, ear_of
+from firmware.swarm.audience import Audience, StationAddress, ear_of
 from firmware.swarm.messages import CPMS, Writer
 from firmware.swarm.swarm import LATE_S, Plan, Sent, Swarm
 from firmware.swarm.vehicle import Vehicle, style
-from firmware.user import client
-from firmware.user.arguments import add_station, address, finite, integer, number, seconds
 
 DESCRIPTION = """\
-Virtual stations drive around the blocks of a simulated town, faster and slower,
-and send what real ones would: CAMs by the rules of EN 302 637-2 (a turn of 4
-degrees, 4 m, 0.5 m/s; at least one a second, at most ten), with the low
-frequency container every 500 ms and the way behind in it; on demand CPMs of
-the other stations around each (TS 103 324), and DENMs of accidents, repeated
-each second ten times and then cancelled. --rate has CAMs at a fixed rate.
+Sends the messages of many virtual stations, which drive around the blocks of a
+simulated town:
+
+  CAM   by the rules of EN 302 637-2: after a turn of 4 degrees, 4 m or 0.5 m/s;
+        at least one, at most ten a second; the low frequency container with
+        the path history every 500 ms. --rate sends at a fixed rate instead
+  CPM   with --cpm: the other stations around each (TS 103 324)
+  DENM  with --denm: accidents, repeated ten times, once a second, then
+        cancelled
 
 By default the swarm sends UDP to the station of --station. That station must
 receive UDP: by its simulated radio (`captain run`) or a `udp` interface with
 `listen` (both stations of `make run`). The swarm reads the address from the
-station's status, and fails if no user of the station receives a message.
+station's status. It fails if no user of the station receives a message.
+
 --udp and --ethernet send frames to any receiver. --endpoint gives messages to
 the station's PULL socket, and the station sends them.
 """
@@ -53,20 +55,19 @@ examples:
                                             2,000 frames a second: more than one
                                             channel of ITS-G5 carries
   captain swarm 50 --cpm 2 --denm 0.1 --ethernet wlan0
-                                            by 802.11p, with what they see, and
-                                            an accident every ten seconds
+                                            by 802.11p, with CPMs, and an
+                                            accident every ten seconds
   captain swarm 10 --endpoint --duration 30
                                             into the station's PULL
   captain swarm 5 --track way.txt --speed 25
-                                            along a way, a place a line:
+                                            along a track: a place a line,
                                             LATITUDE,LONGITUDE
 
 exit codes:
-  0    the duration is reached, or SIGTERM, and everything was taken: by the
-       kernel, or by the station's PULL, which has sent each by at least one
-       interface
-  1    a message was not sent, the station's users received nothing, no
-       station answers, or there is no message library
+  0    the duration was reached, or SIGTERM; the kernel accepted every message,
+       or a station sent each by at least one interface
+  1    a message was not sent, the station's users received none, no station
+       answers, or the message library is missing
   2    wrong usage
   130  Ctrl-C
 """
@@ -75,33 +76,44 @@ MOST = 10_000
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("count", metavar="N", type=integer(1, MOST), help=f"how many stations (1 ... {MOST})")
-    parser.add_argument("--duration", metavar="S", type=seconds, help="end after so many seconds (default: Ctrl-C)")
+    parser.add_argument("count", metavar="N", type=integer(1, MOST), help=f"number of stations, 1 to {MOST}")
+    parser.add_argument("--duration", metavar="S", type=seconds, help="end after S seconds (default: Ctrl-C)")
     parser.add_argument(
-        "--rate", metavar="HZ", type=number("CAMs a second", 1000.0), help="CAMs a second of each, whatever it does"
+        "--rate",
+        metavar="HZ",
+        type=number("CAMs a second", 1000.0),
+        help="CAMs a second of each station, in place of the rules",
     )
-    more = number("messages a second", 1000.0, is_zero_allowed=True)
-    parser.add_argument("--cpm", metavar="HZ", type=more, default=0.0, help="CPMs a second of each (default none)")
+    more = number("messages per second", 1000.0, is_zero_allowed=True)
+    parser.add_argument("--cpm", metavar="HZ", type=more, default=0.0, help="CPMs a second of each station (default 0)")
     parser.add_argument("--cpm-edition", choices=CPMS, default=CPMS[0], help=f"edition of the CPMs (default {CPMS[0]})")
     parser.add_argument(
-        "--denm", metavar="HZ", type=more, default=0.0, help="new events a second of all together (default none)"
+        "--denm", metavar="HZ", type=more, default=0.0, help="new accidents a second, in all (default 0)"
     )
     parser.add_argument(
-        "--speed", metavar="M/S", type=number("m/s", 70.0), default=13.9, help="(default 13.9: 50 km/h)"
+        "--speed", metavar="M/S", type=number("m/s", 70.0), default=13.9, help="mean speed (default 13.9: 50 km/h)"
     )
     parser.add_argument(
-        "--centre", metavar="LAT,LON", type=_place, default=Point(48.7668616, 11.4320680, 420.0), help="of the town"
+        "--centre",
+        metavar="LAT,LON",
+        type=_place,
+        default=Point(48.7668616, 11.4320680, 420.0),
+        help="centre of the town",
     )
-    parser.add_argument("--track", metavar="FILE", type=Path, help="drive along this way, and not around blocks")
+    parser.add_argument("--track", metavar="FILE", type=Path, help="drive along the track in FILE, not around blocks")
     parser.add_argument(
-        "--first-id", metavar="N", type=integer(1, 2**32 - 1 - MOST), default=FIRST_STATION, help="the first stationID"
+        "--first-id", metavar="N", type=integer(1, 2**32 - 1 - MOST), default=FIRST_STATION, help="first stationID"
     )
-    parser.add_argument("--seed", metavar="N", type=integer(0, 2**63), default=1, help="of all chance (default 1)")
+    parser.add_argument(
+        "--seed", metavar="N", type=integer(0, 2**63), default=1, help="seed of all random numbers (default 1)"
+    )
     parser.add_argument("--json", action="store_true", help="the summary as one JSON object")
-    end = parser.add_argument_group("where to").add_mutually_exclusive_group()
-    end.add_argument("--udp", metavar="HOST:PORT", type=_udp, help="frames in datagrams (default: to the station)")
-    end.add_argument("--ethernet", metavar="DEVICE", help="by a network device")
-    end.add_argument("--endpoint", action="store_true", help="to a station's PULL, as its user")
+    end = parser.add_argument_group("destination").add_mutually_exclusive_group()
+    end.add_argument(
+        "--udp", metavar="HOST:PORT", type=udp_address, help="send frames in datagrams (default: to the station)"
+    )
+    end.add_argument("--ethernet", metavar="DEVICE", help="send frames by a network device")
+    end.add_argument("--endpoint", action="store_true", help="send to the station's PULL, as its user")
     add_station(parser)
 
 
@@ -137,24 +149,25 @@ def _vehicles(arguments: argparse.Namespace, writer: Writer) -> Iterator[Vehicle
 class Air:
     """Destination of the messages.
 
-    refused        count of messages that were not sent.
-    why            their reasons, counted.
-    ear, audience  of the station that receives them by default; None with --udp, --ethernet or --endpoint.
+    refused        number of messages that were not sent.
+    why            their number by reason.
+    ear, audience  address and user of the station that receives them by default; None with --udp, --ethernet or
+                   --endpoint.
     """
 
     def __init__(self, arguments: argparse.Namespace, ending: ExitStack) -> None:
         self.refused = 0
         self.why: Counter[str] = Counter()
-        self.ear: Ear | None = None
+        self.ear: StationAddress | None = None
         self.audience: Audience | None = None
         self.end = self._made(arguments, ending)
 
-    def _made(self, arguments: argparse.Namespace, ending: ExitStack) -> Station | Device | Datagrams:
+    def _made(self, arguments: argparse.Namespace, ending: ExitStack) -> StationEnd | DeviceEnd | Datagrams:
         place = address(arguments)
         if arguments.endpoint:
-            return Station(ending.enter_context(client.session()), place, "swarm", is_paced=True)
+            return StationEnd(ending.enter_context(client.session()), place, "swarm", is_paced=True)
         if arguments.ethernet:
-            device = Device(arguments.ethernet)
+            device = DeviceEnd(arguments.ethernet)
             ending.callback(device.close)
             return device
         if arguments.udp is None:
@@ -167,16 +180,16 @@ class Air:
 
     @property
     def unheard(self) -> int:
-        """Datagrams of which the peer said that nobody listens there."""
+        """Number of datagrams that the peer's machine rejected because no program listens."""
         return self.end.unheard if isinstance(self.end, Datagrams) else 0
 
     @property
-    def station(self) -> Station | None:
-        return self.end if isinstance(self.end, Station) else None
+    def station(self) -> StationEnd | None:
+        return self.end if isinstance(self.end, StationEnd) else None
 
     @property
     def is_received(self) -> bool | None:
-        """Has a user of the station received one? None if unknown."""
+        """Whether a user of the station has received a message; None if unknown."""
         return None if self.audience is None else self.audience.is_reached
 
     @property
@@ -185,7 +198,7 @@ class Air:
         return not self.unheard and not self.refused and is_confirmed and self.is_received is not False
 
     def finish(self) -> None:
-        """Wait a little for what comes back."""
+        """Wait a little for the last confirms and receptions."""
         if self.station is not None:
             self.station.finish()
         if self.audience is not None:
@@ -203,7 +216,7 @@ class Air:
             count(self.why, error.message.removeprefix(f"{one.origin}: "))
 
     def sleep(self, left: float) -> None:
-        """For so many seconds, whatever comes back meanwhile."""
+        """Wait `left` seconds; receive confirms meanwhile."""
         until = time.monotonic() + left
         while time.monotonic() < until:
             self.end.wait(until)
@@ -212,7 +225,7 @@ class Air:
 
 
 def _told(sent: Sent) -> str:
-    return ", ".join(f"{times} {kind.upper()}" for kind, times in sorted(sent.types.items())) or "nothing yet"
+    return ", ".join(f"{times} {kind.upper()}" for kind, times in sorted(sent.types.items())) or "no message yet"
 
 
 def _lines(sent: Sent, out: Air, cpu_s: float) -> Iterator[str]:
@@ -224,12 +237,12 @@ def _lines(sent: Sent, out: Air, cpu_s: float) -> Iterator[str]:
     if sent.late:
         yield f"{sent.late} were more than {LATE_S:g} s late, up to {sent.latest_s:.2f} s: this machine is too slow"
     if out.ear is not None:
-        got = "its users receive them" if out.is_received else "its users received none: `captain status` may say why"
+        got = "its users receive them" if out.is_received else "its users received none; look at `captain status`"
         yield f"station {out.ear.station} listens on {out.ear.to}; {got}"
     if out.unheard:
-        yield f"nobody listened to {out.unheard} of them"
+        yield f"{out.unheard} refused: no program listens at the address"
     for why, times in sorted(out.why.items()):
-        yield f"not taken: {times}: {why}"
+        yield f"not sent: {times}: {why}"
     if out.station is not None:
         yield from map(clean, station_lines(out.station))
 
@@ -263,19 +276,12 @@ def _cpu_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
-# -- values
-
-
-def _udp(text: str) -> Address:
-    try:
-        return udp_address(text)
-    except ConfigurationError as error:
-        raise argparse.ArgumentTypeError(error.message) from error
+# -- parsers of options
 
 
 def _place(text: str) -> Point:
     latitude, comma, longitude = text.partition(",")
     north, east = finite(latitude), finite(longitude)
     if not comma or north is None or east is None or abs(north) > 89 or abs(east) > 180:
-        raise argparse.ArgumentTypeError(f"{text!r} is no LATITUDE,LONGITUDE in degrees: 48.7668,11.4320")
+        raise argparse.ArgumentTypeError(f"{text!r}: not LATITUDE,LONGITUDE in degrees; for example 48.7668,11.4320")
     return Point(north, east, 420.0)

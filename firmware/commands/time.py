@@ -1,4 +1,4 @@
-"""captain time: what time it is for a station, how well that is known, and how it was."""
+"""captain time: shows station time, its source, its accuracy and its history."""
 
 import argparse
 import json
@@ -8,41 +8,40 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from board.errors import StationError, UsageError
-from firmware.time_history import Row
-from firmware.user import client
-from firmware.user.arguments import add_control, address
-from firmware.user.clock import table
-from firmware.user.sparkline import marks_for, sparkline
-from firmware.user.table import Screen, Table, span
-from firmware.user.time_record import Record, plain, record
-from firmware.user.untrusted import within
+from board.runtime.errors import StationError, UsageError
+from firmware.client import client
+from firmware.client.arguments import add_control, address
+from firmware.client.show.sparkline import marks_for, sparkline
+from firmware.client.show.status.clock import table
+from firmware.client.show.table import Screen, Table, span
+from firmware.client.show.time_record import Record, plain, record
+from firmware.clock.time_history import SecondRow
+from firmware.untrusted import within
 from pps.allan import allan_deviation
 
 DESCRIPTION = """\
-Shows what time it is for a running station of this machine and by whose word:
-pulses of a receiver, its messages, or the system's clock; how far the system's
-clock is off, and what it stamps with it; the oscillator; leap seconds; pulses
-that were refused, and why; and what chronyd is given and says.
+Shows the time of a running station on this machine, its source and accuracy.
+Sources are pulses of a receiver, its messages, or the system's clock. Also
+shown: error of the system's clock, oscillator, leap seconds, refused pulses
+with their reason, and chronyd.
 
-Offset and jitter of the last hour are drawn with letters, or into a picture.
+Offset and jitter of the last hour are drawn as text, or as a picture.
 """
 EPILOG = """\
 examples:
   captain time
-  captain time --watch                 again every second, until Ctrl-C
-  captain time --plot time.svg         offset, jitter and Allan deviation, for
-                                       a browser; it needs no network
+  captain time --watch                 every second, until Ctrl-C
+  captain time --plot time.svg         offset, jitter and Allan deviation
   captain time --json | jq .state
   captain time --json --history | jq '.history.minutes[-1].offset_ns'
 
 states:
-  locked     pulses tell the time
-  settling   pulses have come, and a few more are needed
-  holdover   no good pulse of late: the oscillator goes on, the bound grows
-  coarse     a receiver's messages tell it, to some 0.2 s
-  system     the system's clock alone, as exact as it says itself
-  unknown    nobody knows
+  locked     set by pulses
+  settling   first pulses received, a few more are needed
+  holdover   no good pulse recently: the oscillator continues, the bound grows
+  coarse     set by messages of a receiver, to about 0.2 s
+  system     the system's clock alone, with its own error bound
+  unknown    no source
 
 exit codes:
   0    the station answered
@@ -51,21 +50,26 @@ exit codes:
   130  Ctrl-C
 """
 WATCH_S = 1.0
-COLUMNS = 60  # of a sparkline
-GAP = 3  # pulses that may be missing in a stretch: what is put in their place hides nothing of it
+COLUMNS = 60  # characters of a sparkline
+GAP = 3  # longest run of missing pulses that is interpolated; it is too short to change the deviation
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object, as published under `time.`")
     parser.add_argument(
-        "--history", action="store_true", help="with --json: the last hour by seconds and the last day by minutes too"
+        "--history", action="store_true", help="with --json: add the last hour by seconds and the last day by minutes"
     )
-    parser.add_argument("--watch", action="store_true", help="show it again every second")
+    parser.add_argument("--watch", action="store_true", help="repeat every second")
     parser.add_argument("--plot", metavar="FILE.svg", help="draw offset, jitter and Allan deviation")
     add_control(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
+    """Show or draw the time of a station.
+
+    Raises UsageError for options that exclude each other, and for a picture that is not SVG. Raises StationError
+    without history, or if the picture cannot be written.
+    """
     _check(arguments)
     if arguments.plot is not None:
         _plot(arguments)
@@ -80,15 +84,15 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    """Raise UsageError for options of which one would be ignored."""
+    """Check the combination of options. Raises UsageError if they exclude each other."""
     if arguments.plot is not None and (arguments.json or arguments.watch or arguments.history):
-        raise UsageError("--plot draws once, and prints nothing of the time", "leave out --json, --history and --watch")
+        raise UsageError("--plot draws once and prints nothing", "omit --json, --history and --watch")
     if arguments.history and not arguments.json:
-        raise UsageError("--history is for --json alone", "add --json, or draw it with --plot")
+        raise UsageError("--history needs --json", "add --json, or draw it with --plot")
 
 
 def _asked(arguments: argparse.Namespace) -> dict[str, object]:
-    """Clock and history. Raises StationError."""
+    """Return clock and history of the station. Raises StationError if no station answers."""
     is_whole = arguments.plot is not None or arguments.history
     answer = client.ask_local(address(arguments), arguments.control, "time", history=is_whole)
     return {key: within(answer, key) for key in ("clock", "history")}
@@ -103,8 +107,30 @@ def _show(answer: dict[str, object], arguments: argparse.Namespace, screen: Scre
     (screen or Screen()).show([table(clock), *lines(kept, marks_for(sys.stdout))])
 
 
+def _plot(arguments: argparse.Namespace) -> None:
+    path = Path(arguments.plot)
+    if path.suffix.lower() != ".svg":
+        named = path.with_suffix(".svg") if path.name else "time.svg"
+        raise UsageError(f"--plot: {arguments.plot!r}: a picture is SVG", f"name it {named}")
+    answer = _asked(arguments)
+    kept = record(within(answer, "history"))
+    if len(kept.seconds) < 2:
+        why = str(within(answer, "clock").get("missing") or "wait some seconds after the first pulse")
+        raise StationError("no history of the station's time yet", why)
+    from firmware.client.show.time_plot import picture  # imported on demand, because it loads pygal
+
+    drawn = picture(kept, within(answer, "clock"), deviations(kept))
+    try:
+        path.write_text(drawn)
+    except OSError as error:
+        raise StationError(
+            f"{path}: cannot be written: {error.strerror}", "name a file in a folder of yours"
+        ) from error
+    print(f"{path}: {len(kept.seconds)} seconds and {len(kept.minutes)} minutes")
+
+
 def lines(kept: Record, marks: str) -> Iterator[Table]:
-    """Offset and jitter of the last hour, a line each; nothing where there are too few to see anything."""
+    """Yield a table with offset and jitter of the last hour as sparklines; nothing if there are too few values."""
     rows = kept.seconds
     if len(rows) < 2:
         return
@@ -127,14 +153,17 @@ def _between(values: Sequence[float]) -> str:
 
 
 def deviations(kept: Record) -> list[tuple[float, float]]:
-    """Allan deviation of the oscillator: (tau in s, deviation), of seconds, and beyond those of minutes."""
+    """Return the Allan deviation of the oscillator as (tau in s, deviation): first from seconds, then from minutes."""
     found = allan_deviation(longest(kept.seconds, 1), 1.0)
     most_s = found[-1][0] if found else 0.0
     return found + [one for one in allan_deviation(longest(kept.minutes, 60), 60.0) if one[0] > most_s]
 
 
-def longest(rows: Sequence[Row], step_s: int) -> list[float]:
-    """Phases of the longest stretch of pulses in ns, step_s apart; up to GAP missing ones are put in between."""
+def longest(rows: Sequence[SecondRow], step_s: int) -> list[float]:
+    """Return the phases of the longest series of pulses in ns, step_s apart.
+
+    Up to GAP missing pulses in a row are interpolated.
+    """
     best: list[float] = []
     found: list[float] = []
     before_s = -math.inf
@@ -150,25 +179,3 @@ def longest(rows: Sequence[Row], step_s: int) -> list[float]:
         found.append(row.phase_ns)
         best = max(best, found, key=len)
     return best
-
-
-def _plot(arguments: argparse.Namespace) -> None:
-    path = Path(arguments.plot)
-    if path.suffix.lower() != ".svg":
-        named = path.with_suffix(".svg") if path.name else "time.svg"
-        raise UsageError(f"--plot: {arguments.plot!r}: a picture is SVG", f"name it {named}")
-    answer = _asked(arguments)
-    kept = record(within(answer, "history"))
-    if len(kept.seconds) < 2:
-        why = str(within(answer, "clock").get("missing") or "pulses are kept from the first on: wait some seconds")
-        raise StationError("the station has no history of its time yet", why)
-    from firmware.user.time_plot import picture  # with pygal
-
-    drawn = picture(kept, within(answer, "clock"), deviations(kept))
-    try:
-        path.write_text(drawn)
-    except OSError as error:
-        raise StationError(
-            f"{path}: cannot be written: {error.strerror}", "name a file in a folder of yours"
-        ) from error
-    print(f"{path}: {len(kept.seconds)} seconds and {len(kept.minutes)} minutes")

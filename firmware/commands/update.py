@@ -1,4 +1,4 @@
-"""captain update: another version of the box's software, into the slot that is not running."""
+"""captain update: installs another version of the box's software in the other slot."""
 
 import argparse
 import io
@@ -8,76 +8,73 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 
-from board.errors import UsageError
+from board.runtime.errors import UsageError
 from firmware import VERSION
-from firmware.box import update, update_bundle
-from firmware.box.update_bundle import Bundle
-from firmware.box.update_folder import Folder
-from firmware.box.update_rauc import BusyError, InstallError
-from firmware.box.update_slots import AS_WRITTEN, RootSlot, booted, other
+from firmware.client.show.table import Table, lines_for
 from firmware.printable import clean, failure
-from firmware.user import health
-from firmware.user.table import Table, lines_for
+from firmware.update import bundle as update_bundle
+from firmware.update import health, update
+from firmware.update.bundle import Bundle
+from firmware.update.folder import Folder
+from firmware.update.rauc import BusyError, InstallError
+from firmware.update.slots import AS_WRITTEN, RootSlot, booted, other
+from firmware.usage import print_json
 
 HALF_WRITTEN = 3
-UNTOUCHED = "no slot was touched"
-ITS_END = "what is being written is written to its end; captain update --status"
+UNTOUCHED = "no slot was changed"
+ITS_END = "the write that has begun is finished; captain update --status shows its end"
 EVERY_PERCENT = 10
 EVERY_S = 5.0
 
 DESCRIPTION = """\
-Installs a bundle, captain-VERSION-arm64.raucb, into the slot that is not
-running; the box goes on meanwhile. Shows what is in it, compares signature
-and contents before anything is written, and the next start takes it. A new
-slot whose station does not get well is left again by itself: after three
-starts the old one is back.
+Installs a bundle, captain-VERSION-arm64.raucb, into the other slot while the
+box works on. Shows its contents, and checks signature and contents before
+anything is written. The next start uses the new slot. If its station fails
+three starts, the old slot starts again.
 
-FILE is a bundle on the box, URL one of a web server (http:// or https://;
-it goes on where it was broken off), and - what comes by the input. For
-operator, by ssh or at the serial console, and for root.
+FILE is a bundle on the box, URL one of a web server (http:// or https://; an
+interrupted download resumes), and - reads standard input. Only for operator,
+by ssh or at the serial console, and for root.
 """
 EPILOG = """\
 examples:
   captain update https://example.org/captain-0.7.0-arm64.raucb --restart
-  captain update --look captain.raucb     what is in it; nothing is written
+  captain update --look captain.raucb     show its contents; write nothing
   ssh operator@captain.local captain update - --restart < captain.raucb
-                                          from a laptop, without copying first
-  captain update --status                 both slots, and how the last one went
-  captain update --back --restart         the version from before
+                                          from a laptop, without a copy first
+  captain update --status                 both slots, and the last update's result
+  captain update --back --restart         the version before
 
 exit codes:
-  0    installed, shown or switched; --check: the station is well
-  1    refused or not had: no slot was touched
+  0    installed, shown or switched; --check: the station works
+  1    rejected, or the download failed: no slot was changed
   2    wrong usage
-  3    it broke off while it was written: the other slot is unusable until the
-       next update, and this one stays in use
-  130  Ctrl-C; what is being written is written to its end all the same
+  3    failed while writing: the other slot is unusable until the next update;
+       this one stays in use
+  130  Ctrl-C; a write that has begun is finished
 """
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", nargs="?", metavar="FILE|URL|-", help="the bundle")
-    parser.add_argument("--restart", action="store_true", help="restart the box: then, or now if nothing else is asked")
+    parser.add_argument("--restart", action="store_true", help="restart the box afterwards; alone: now")
     verbs = parser.add_mutually_exclusive_group()
-    verbs.add_argument("--look", action="store_true", help="show what is in the bundle and check it; write nothing")
-    verbs.add_argument(
-        "--status", action="store_true", help="the slots: versions, tries left, how the last update went"
-    )
-    verbs.add_argument("--back", action="store_true", help="have the next start take the other slot")
-    verbs.add_argument(
-        "--check", action="store_true", help="wait until the station is well: what a new slot has to show"
-    )
+    verbs.add_argument("--look", action="store_true", help="show and check the bundle; write nothing")
+    verbs.add_argument("--status", action="store_true", help="show the slots: versions, tries left, last result")
+    verbs.add_argument("--back", action="store_true", help="use the other slot at the next start")
+    verbs.add_argument("--check", action="store_true", help="wait until the station works, as a slot on trial must")
     parser.add_argument("--json", action="store_true", help="with --status: one JSON object")
 
 
 def main(arguments: argparse.Namespace) -> int:
+    """Update the box, or show its slots. Raises UsageError for options that exclude each other."""
     is_other = arguments.status or arguments.back or arguments.check
     if is_other == bool(arguments.source) and (is_other or not arguments.restart):
         raise UsageError("name a bundle, or one of --status, --back and --check", "captain update --help")
     if arguments.restart and (arguments.status or arguments.check or arguments.look):
         raise UsageError("--restart goes with an update, with --back, or alone", "captain update --help")
     if arguments.look and not arguments.source:
-        raise UsageError("--look: at which bundle?", "captain update --look FILE")
+        raise UsageError("--look: name a bundle", "captain update --look FILE")
     if arguments.check:
         update_bundle.demand_box()
         print(health.check(), flush=True)
@@ -87,7 +84,7 @@ def main(arguments: argparse.Namespace) -> int:
         return 0
     if arguments.back:
         chosen = update.back()
-        _told(f"the next start takes slot {chosen.name}, {_version(chosen)}", arguments.restart)
+        _told(f"the next start uses slot {chosen.name}, {_version(chosen)}", arguments.restart)
         return 0
     if not arguments.source:
         update_bundle.demand_box()
@@ -97,7 +94,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _install(arguments: argparse.Namespace) -> int:
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # what is begun ends, though whoever began it hangs up
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # a begun installation is completed, even if the terminal hangs up
     teller = Teller()
     progress = update.Progress(teller.step, teller.fetched, _shown, teller.begun)
     try:
@@ -105,14 +102,16 @@ def _install(arguments: argparse.Namespace) -> int:
     except InstallError as error:
         _say(f"captain: {failure(error)}", is_wrong=True)
         _say("  (the other slot is unusable until the next update; this one stays in use)", is_wrong=True)
+        if arguments.json:
+            print_json(error)
         return HALF_WRITTEN
     except KeyboardInterrupt:
         _say(f"captain: {ITS_END if teller.is_begun else UNTOUCHED}", is_wrong=True)
         raise
     if arguments.look:
-        _say("signature and contents are as they were signed; nothing was written")
+        _say("signature and contents are valid; nothing was written")
         return 0
-    _told(f"version {clean(found.version)} is installed; the next start takes it", arguments.restart)
+    _told(f"version {clean(found.version)} is installed; the next start uses it", arguments.restart)
     return 0
 
 
@@ -121,7 +120,7 @@ def _told(what: str, is_restarting: bool) -> None:
         _say(what)
         _restart()
     else:
-        _say(f"{what}: captain update --restart restarts the box")
+        _say(f"{what}; restart the box: captain update --restart")
 
 
 def _restart() -> None:
@@ -131,7 +130,7 @@ def _restart() -> None:
 
 
 def _say(line: str, is_wrong: bool = False) -> None:
-    """Where nobody reads it any more, nothing is said from there on."""
+    """Print a line. Once its reader has gone, discard all further output to this stream."""
     try:
         print(line, file=sys.stderr if is_wrong else sys.stdout, flush=True)
     except OSError:
@@ -150,14 +149,14 @@ def _shown(bundle: Bundle, slots: list[RootSlot]) -> None:
 
 
 def _version(slot: RootSlot) -> str:
-    return "what the card was written with" if slot.version == AS_WRITTEN else f"version {clean(slot.version)}"
+    return "the card's original version" if slot.version == AS_WRITTEN else f"version {clean(slot.version)}"
 
 
 class Teller:
-    """Progress for a terminal that can do nothing but go on: a line every ten percent, or where something begins."""
+    """Progress for a terminal without cursor control: a line every ten percent, and at the start of each step."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self.is_begun = False  # the service has it
+        self.is_begun = False  # the installing service has taken over the bundle
         self._clock = clock
         self._said: tuple[str, int] = ("", -EVERY_PERCENT)
         self._at = 0.0
@@ -203,19 +202,19 @@ def _status(is_json: bool) -> None:
         for slot in slots
     ]
     notes = [f"this is {own.takes}"] if own.takes else []
-    notes += [] if slots else ["an update is being installed: the slots are told once it is done"]
+    notes += [] if slots else ["an update is being installed: slots are shown after its end"]
     notes.append(_last(last))
     table = Table("slots", ("slot", "", "", "version", "installed", ">tries", "state"), rows, notes)
     print("\n".join(lines_for(table, sys.stdout)), flush=True)
 
 
 def _last(last: Mapping[str, object]) -> str:
-    """How the last update went, in words."""
+    """Return the result of the last update as text."""
     if not last:
-        return "no update was tried yet, as far as is kept"
+        return "no update recorded"
     try:
         when = time.strftime("%Y-%m-%d %H:%M", time.gmtime(float(str(last["time"]))))
     except (KeyError, ValueError, OverflowError, OSError):
-        when = "at a time that is not known"
+        when = "at an unknown time"
     version = f", version {clean(str(last.get('version')))}" if last.get("version") else ""
     return f"last update, {when} UTC, {clean(str(last.get('source')))}{version}: {clean(str(last.get('result')))}"

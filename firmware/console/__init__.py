@@ -1,1 +1,4 @@
-"""The status screen of a serial console: 80 columns, 24 lines, 115200 baud, and whoever holds the cable."""
+"""Status screen for a serial console of 80 columns, 24 lines, 115200 baud.
+
+Face: console, terminal.
+"""

@@ -1,4 +1,4 @@
-"""The addresses of this machine: what the kernel says of its network devices, and who may reach a port of it."""
+"""Addresses of this machine, and the reachability of its ports."""
 
 import ipaddress
 import socket
@@ -17,35 +17,35 @@ RTM_NEWADDR, RTM_GETADDR = 20, 22
 NLMSG_DONE, NLMSG_ERROR = 3, 2
 NLM_F_REQUEST, NLM_F_DUMP = 0x1, 0x300
 IFA_ADDRESS, IFA_LOCAL = 1, 2
-BEYOND_LINK = 253  # scope: link is 253, host is 254
+BEYOND_LINK = 253  # scopes of less reach beyond the link; link is 253, host is 254
 
-LISTEN = "0A"  # of /proc/net/tcp
+LISTEN = "0A"  # state of a listening socket in /proc/net/tcp
 SYSTEM = Path("/")
 
 
-class Device(NamedTuple):
-    """A network device: operational state as in RFC 2863, addresses with prefix length, the widest reach first."""
+class AddressedDevice(NamedTuple):
+    """Network device: state as in RFC 2863; addresses with prefix length, those of the widest scope first."""
 
     name: str
     state: str
     addresses: tuple[str, ...]
 
 
-def devices(root: Path = SYSTEM) -> list[Device]:
-    """All but the loopback; those without an address last. Of what cannot be read there are none."""
+def devices(root: Path = SYSTEM) -> list[AddressedDevice]:
+    """Return all devices except the loopback, those without address last; unreadable devices are omitted."""
     found = addresses(_dump())
     listed = []
     with suppress(OSError):
         for path in sorted((root / "sys/class/net").iterdir()):
-            with suppress(OSError, ValueError):  # it goes meanwhile
+            with suppress(OSError, ValueError):  # the device disappears meanwhile
                 number = int((path / "ifindex").read_text())
                 state = (path / "operstate").read_text().strip()
-                listed.append(Device(path.name, state, tuple(found.get(number, ()))))
+                listed.append(AddressedDevice(path.name, state, tuple(found.get(number, ()))))
     return sorted((one for one in listed if one.name != "lo"), key=lambda one: not one.addresses)
 
 
 def addresses(dump: bytes) -> dict[int, list[str]]:
-    """The addresses of each device by its index, of the answer to RTM_GETADDR. What is cut off is left out."""
+    """Return the addresses by device index from an answer to RTM_GETADDR; a truncated rest is ignored."""
     rows = sorted(_rows(dump), key=lambda row: row[:2])
     found: dict[int, list[str]] = {}
     for _, _, number, text in rows:
@@ -54,7 +54,7 @@ def addresses(dump: bytes) -> dict[int, list[str]]:
 
 
 def is_open(port: int, root: Path = SYSTEM) -> bool:
-    """Whether somebody listens there for more than this machine."""
+    """Return whether a program listens on the port on an address other than the loopback."""
     for table in ("tcp", "tcp6"):
         with suppress(OSError):
             for line in (root / "proc/net" / table).read_text().splitlines()[1:]:
@@ -65,7 +65,7 @@ def is_open(port: int, root: Path = SYSTEM) -> bool:
 
 
 def _is_loopback(address: str) -> bool:
-    """Of hexadecimal words in the machine's own order."""
+    """Return whether an address is a loopback's; it is written as hexadecimal words in the machine's byte order."""
     words = (int(address[at : at + 8], 16).to_bytes(4, sys.byteorder) for at in range(0, len(address), 8))
     found = ipaddress.ip_address(b"".join(words))
     mapped = getattr(found, "ipv4_mapped", None)
@@ -73,7 +73,7 @@ def _is_loopback(address: str) -> bool:
 
 
 def _dump() -> bytes:
-    """All addresses, as the kernel tells them; it answers at once, within the calls."""
+    """Return all addresses as netlink messages; the kernel answers within the calls."""
     said = bytearray()
     question = HEADER.pack(HEADER.size + ADDRESS.size, RTM_GETADDR, NLM_F_REQUEST | NLM_F_DUMP, 1, 0)
     with suppress(OSError), socket.socket(socket.AF_NETLINK, socket.SOCK_RAW | socket.SOCK_NONBLOCK, 0) as asker:
@@ -87,7 +87,7 @@ def _dump() -> bytes:
 
 
 def _rows(dump: bytes) -> Iterator[tuple[bool, int, int, str]]:
-    """Order (what reaches beyond the link first, IPv4 first), index, text."""
+    """Yield sort keys (scope, then IPv4 first), device index and text of each address."""
     at = 0
     while at + HEADER.size + ADDRESS.size <= len(dump):
         length, kind, _, _, _ = HEADER.unpack_from(dump, at)
@@ -96,7 +96,7 @@ def _rows(dump: bytes) -> Iterator[tuple[bool, int, int, str]]:
         if kind == RTM_NEWADDR:
             family, prefix, _, scope, number = ADDRESS.unpack_from(dump, at + HEADER.size)
             values = dict(_attributes(dump[at + HEADER.size + ADDRESS.size : at + length]))
-            # Of a point-to-point device IFA_ADDRESS is the other end.
+            # On a point-to-point device, IFA_ADDRESS is the peer's address.
             octets = values.get(IFA_LOCAL, values.get(IFA_ADDRESS, b""))
             if len(octets) == {socket.AF_INET: 4, socket.AF_INET6: 16}.get(family):
                 yield scope >= BEYOND_LINK, family, number, f"{socket.inet_ntop(family, octets)}/{prefix}"

@@ -1,4 +1,4 @@
-"""A question to the station of this machine, over its control socket, without waiting for it."""
+"""Queries the local station over its control socket, without blocking."""
 
 import json
 import os
@@ -9,11 +9,11 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from board.errors import StationError
-from board.loop import Loop
+from board.runtime.errors import StationError
+from board.runtime.loop import Loop
 
-ANSWER_S = 3.0  # as the other commands give it
-MAX_ANSWER = 1 << 20  # octets: of a station with a thousand interfaces
+ANSWER_S = 3.0  # same limit as the other commands
+MAX_ANSWER = 1 << 20  # octets; enough for a station with a thousand interfaces
 PEER = struct.Struct("=iII")  # struct ucred: process, user, group
 
 Status = dict[str, object]
@@ -21,9 +21,9 @@ Answered = Callable[[Status | StationError], None]
 
 
 class Asking:
-    """One question and its answer; answered() is called once, never from here, unless leave() comes first.
+    """One query of the station's status. answered() is called once, later, unless leave() was called before.
 
-    paths  where a station may listen: the first that somebody listens at is asked.
+    paths  candidate sockets; the first one on which a program listens is used.
     """
 
     def __init__(self, loop: Loop, paths: Sequence[str], answered: Answered) -> None:
@@ -55,12 +55,12 @@ class Asking:
             return
         self._line += octets
         if not octets or len(self._line) > MAX_ANSWER:
-            self._fail(f"{len(self._line)} octets without an end of line")
+            self._fail(f"{len(self._line)} octets without end of line")
         elif octets.endswith(b"\n"):
             self._read()
 
     def leave(self) -> None:
-        """Ask no more; idempotent."""
+        """Cancel the query; idempotent."""
         self._answered = None
         self._deadline.cancel()
         if self._socket.fileno() >= 0:
@@ -68,10 +68,10 @@ class Asking:
             self._socket.close()
 
     def _connect(self, paths: Sequence[str]) -> None:
-        """To the first that somebody listens at: a station that was killed leaves its own behind. Raises OSError."""
+        """Connect to the first path with a listener; a killed station leaves its socket. Raises OSError without one."""
         there = [path for path in paths if os.path.exists(path)]
         if not there:
-            raise FileNotFoundError(0, f"there is no {' and no '.join(paths)}")
+            raise FileNotFoundError(0, f"no socket {' or '.join(paths)}")
         for self._path in there[:-1]:
             with suppress(OSError):
                 self._socket.connect(self._path)
@@ -80,11 +80,11 @@ class Asking:
         self._socket.connect(self._path)
 
     def _look_at_peer(self) -> None:
-        """Who listens in a folder where anybody may: another user may be anybody. Raises OSError."""
+        """Check the listener's user if any user may create sockets in the folder. Raises OSError for a foreign user."""
         if Path(self._path).parent.stat().st_mode & stat.S_IWOTH:
             user = PEER.unpack(self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, PEER.size))[1]
             if user not in (0, os.getuid()):
-                raise OSError(0, f"user {user} listens there, who may be anybody")
+                raise OSError(0, f"the socket belongs to user {user}, who may not run the station")
 
     def _read(self) -> None:
         try:
@@ -95,7 +95,7 @@ class Asking:
         if isinstance(status, dict):
             self._tell(status)
         else:
-            self._fail(f"what answers is no station: {bytes(self._line[:40])!r}")
+            self._fail(f"not a station: {bytes(self._line[:40])!r}")
 
     def _fail(self, why: str) -> None:
         where = f"{self._path}: " if self._path else ""

@@ -1,12 +1,12 @@
-"""The status screen on one terminal: what is shown, what keys do, and when a frame leaves."""
+"""Status screen on one terminal: contents, keys, and timing of frames."""
 
 import signal
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from board.errors import StationError
-from board.loop import Loop, Timer
-from board.signals import Signals
+from board.runtime.errors import StationError
+from board.runtime.loop import Loop, Timer
+from board.runtime.signals import Signals
 from firmware.console.keys import AGAIN, BACK, INTERRUPT, NEXT, Keys
 from firmware.console.pages import BESIDE, pages, screen
 from firmware.console.paint import Painter, Printer
@@ -16,39 +16,43 @@ from firmware.console.survey import Survey
 from firmware.console.terminal import Terminal
 
 EVERY_S = 2.0
-# A terminal that was plugged in later has seen nothing yet, and the kernel writes on a console too.
+# Interval of complete redraws, for a terminal that was plugged in later, and because the kernel also writes on a
+# console.
 WHOLE_S = 10.0
-RETRY_S = 0.25  # until a frame that found the line busy is tried again: a whole one takes 0.17 s
+RETRY_S = 0.25  # delay before the retry of a frame when the line was busy; sending a complete frame takes 0.17 s
 INTERRUPTED = 130
 
 HELP = (
-    "This is the status screen of a station: a router of V2X messages.",
+    "Status screen of a station, which routes V2X messages.",
     "",
-    "  n, space, arrow down   the next page",
-    "  p, arrow up            the page before",
-    "  r, Enter               all of it again, and this page drawn anew",
-    "  h                      this text; any key goes back",
+    "  n, space, arrow down   next page",
+    "  p, arrow up            previous page",
+    "  r, Enter               read all values again and redraw",
+    "  h                      this help; any key returns",
 )
-HELP_SHELL = "  s                      a shell on this terminal; `exit` comes back here"
-HELP_QUIT = "  q, Ctrl-C              the end of this program"
+HELP_SHELL = "  s                      open a shell here; `exit` returns"
+HELP_QUIT = "  q, Ctrl-C              quit"
 HELP_MORE = (
     "",
-    "In a shell: `captain status` and `captain time` say more, `captain doctor`",
-    "what is wrong and what to do, `captain listen` what is received,",
-    "`captain --help` the rest.",
+    "In a shell: `captain status` and `captain time` show more, `captain doctor`",
+    "shows faults and remedies, `captain listen` shows received messages,",
+    "`captain --help` lists all commands.",
     "",
-    "in/s, out/s: messages a second. drops: messages that were not passed on.",
+    "in/s, out/s: messages per second. drops: messages not passed on.",
     "Lines with ! are from the start of this machine.",
 )
 
 
 @dataclass(frozen=True)
 class Options:
-    """What the command line wants.
+    """Options of the command line.
 
-    shell     command of the key s, empty where there is none.
-    is_plain  no escape codes: a screen below the other, every every_s.
-    stays     no key ends it: it is a service.
+    control   candidate control sockets of the station.
+    notes     path of the file with notes; empty: none.
+    shell     command of the key s; empty: no shell.
+    is_plain  no escape codes: each screen is printed below the previous one.
+    every_s   interval of the screens, s.
+    stays     no key quits, because the console is a service.
     """
 
     control: Sequence[str]
@@ -60,7 +64,7 @@ class Options:
 
 
 class Console:
-    """Serves one terminal until somebody leaves or it hangs up. Raises InterfaceError where there is none."""
+    """Serves one terminal until the user quits or it hangs up. Raises InterfaceError without a terminal."""
 
     def __init__(self, loop: Loop, descriptor: int, options: Options) -> None:
         self.status = 0
@@ -108,7 +112,7 @@ class Console:
         self._terminal.close()
         self._signals.close()
 
-    # -- what comes
+    # -- events
 
     def _look(self) -> None:
         if self._shell is None:
@@ -116,7 +120,7 @@ class Console:
             self._survey.look()
 
     def _changed(self) -> None:
-        """Something is known anew. In place it is shown at once; printed when all of it has come."""
+        """Show new values: at once if drawn in place; if printed, when all answers have come."""
         if not self._options.is_plain:
             self._draw()
         elif self._is_awaited and self._survey.is_complete:
@@ -128,7 +132,7 @@ class Console:
         self._listen()
 
     def _listen(self) -> None:
-        """Once the line is quiet it is known what was typed; one timer, however much is."""
+        """Start the timer that ends a burst of input, unless it runs: keys are known only after a quiet moment."""
         due = self._keys.deadline()
         if self._listening is None and due is not None:
             self._listening = self._loop.after(due - self._loop.clock(), self._quiet)
@@ -140,14 +144,14 @@ class Console:
 
     def _act(self, keys: Sequence[str]) -> None:
         for key in keys:
-            if self._shell is not None:  # a key that was held down has opened it
+            if self._shell is not None:  # an earlier key of the same burst opened the shell
                 return
             was_help, self._is_help, self._message = self._is_help, False, ""
             act = self._acts.get(key)
             if act is not None:
                 act()
             elif not was_help:
-                self._message = f"the key {key!r} means nothing here; h shows those that do"
+                self._message = f"unknown key {key!r}; h lists the keys"
             self._again()
 
     def _interrupt(self) -> None:
@@ -157,7 +161,7 @@ class Console:
     def _leave(self) -> None:
         self._loop.stop()
 
-    # -- what keys do
+    # -- actions of keys
 
     def _turn(self, pages_on: int) -> None:
         self._page += pages_on
@@ -178,24 +182,24 @@ class Console:
 
     def _shell_ended(self, status: int) -> None:
         self._shell = None
-        self._message = f"the shell has ended, with status {status}" if status else ""
+        self._message = f"the shell ended with status {status}" if status else ""
         self._terminal.take()
         self._survey.look()
         self._again()
 
-    # -- what is shown
+    # -- output
 
     def _again(self) -> None:
-        """Draw all of it: what is on the screen is not known, or somebody has asked."""
+        """Draw the complete screen, because its content is unknown or the user asked for it."""
         self._painter.forget()
         self._draw()
 
     def _draw(self) -> None:
-        """Give a frame to the terminal, if it has taken the one before; otherwise try again: there is one at most."""
+        """Draw a frame if the terminal has taken the previous one; else retry later, with a single timer."""
         if self._shell is not None or self._retrying is not None:
             return
         if not self._terminal.is_free:
-            if not self._terminal.is_stopped:  # otherwise this frame is dropped, and the next look brings another
+            if not self._terminal.is_stopped:  # a stopped terminal drops this frame; the next look() brings another
                 self._retrying = self._loop.after(RETRY_S, self._retry)
             return
         octets = self._painter.frame(self._frame())
@@ -238,7 +242,7 @@ class Console:
 
 
 def once(loop: Loop, control: Sequence[str], notes: str, width: int) -> tuple[str, bool]:
-    """All pages as text, once everything has answered, and whether a station did; each answer has its own limit."""
+    """Return all pages as text, after all answers came or timed out, and whether a station answered."""
 
     def changed() -> None:
         if survey.is_complete:

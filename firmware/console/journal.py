@@ -1,34 +1,34 @@
-"""What went wrong of late, in the words of the system's journal."""
+"""Recent errors of the system's journal."""
 
 import json
 import re
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from board.errors import StationError
-from board.loop import Loop
-from board.tool import Tool
+from board.runtime.errors import StationError
+from board.runtime.loop import Loop
+from board.runtime.tool import Tool
 
-LIMIT_S = 5.0  # for journalctl, which takes 0.1 s
+LIMIT_S = 5.0  # limit for journalctl, which takes 0.1 s
 MOST = 8
 COMMAND = (
     "journalctl",
     "--quiet",
     "--no-pager",
     "--boot",
-    "--reverse",  # of more than the tool's output holds the oldest is lost
+    "--reverse",  # newest first, because the end is lost if the output exceeds the limit of Tool
     "--lines=150",
     "--output=json",
     "--output-fields=MESSAGE,PRIORITY,SYSLOG_IDENTIFIER",
 )
-UNREAD = "the journal cannot be read: its group is systemd-journal"
+UNREAD = "the journal cannot be read: add the user to group systemd-journal"
 ERROR = 3  # syslog(3)
-# The station's own lines come by stderr, all with one priority; what it thinks of them stands in them.
+# The station logs to stderr, which gives all lines one priority; the level is in the text.
 OURS = re.compile(r"[\w.]+: (WARNING|ERROR|CRITICAL): ")
 
 
 class Trouble(NamedTuple):
-    """A line: Unix time, who said it, what."""
+    """Error line of the journal: Unix time, program, message."""
 
     time: float
     who: str
@@ -36,10 +36,10 @@ class Trouble(NamedTuple):
 
 
 class Journal:
-    """The last errors, of the station also warnings, asked for again by look().
+    """Recent errors of all programs, and warnings of the station; look() reads them again.
 
-    troubles  the newest first; changed() is called when they have been read.
-    why       they are not known, or empty.
+    troubles  errors, the newest first; changed() is called after each reading.
+    why       why they could not be read; else empty.
     """
 
     def __init__(self, loop: Loop, changed: Callable[[], None]) -> None:
@@ -54,7 +54,7 @@ class Journal:
         return self._tool is None
 
     def look(self) -> None:
-        """Ask, unless it is being asked."""
+        """Start reading, unless a reading is in progress."""
         if self._tool is None:
             try:
                 self._tool = Tool(self._loop, COMMAND, LIMIT_S, self._said, quick=True)
@@ -73,7 +73,7 @@ class Journal:
 
 
 def troubles(output: str) -> list[Trouble]:
-    """Of a line of JSON for each entry; what comes again and again is told once, the newest."""
+    """Return the errors in journalctl's JSON lines; of repeated ones only the newest, MOST at most."""
     found: dict[tuple[str, str], Trouble] = {}
     for entry in _entries(output):
         found.setdefault((entry.who, entry.text), entry)
@@ -88,6 +88,6 @@ def _entries(output: str) -> Iterator[Trouble]:
             priority, time = int(entry.get("PRIORITY", 6)), int(entry["__REALTIME_TIMESTAMP"]) / 1e6
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             continue
-        # A message that is no text is a list of octets, or null where it is too long.
+        # A message that is not text is a list of octets, or null if it is too long.
         if isinstance(message, str) and (priority <= ERROR or OURS.match(message)):
             yield Trouble(time, who if isinstance(who, str) else "", message)

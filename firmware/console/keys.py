@@ -1,16 +1,16 @@
-"""What a person types on a serial line: keys, told from the noise of the line."""
+"""Keys typed on a serial line, separated from line noise."""
 
 import re
 
-# Octets that come closer than this are one burst: one key, as a terminal sends it, or noise.
+# Octets closer together than this form one burst: a key as a terminal sends it, or noise.
 QUIET_S = 0.1
-LONGEST = 12  # octets of a burst that may be a key: one that is held down, or a function key
+LONGEST = 12  # most octets of a burst that may be a key: a function key, or a key held down
 
-UNKNOWN = "?"  # a key without a letter that means nothing here
+UNKNOWN = "?"  # any control or function key without a meaning here
 INTERRUPT = "\x03"  # Ctrl-C
 AGAIN, NEXT, BACK = "r", "n", "p"
 
-# As ECMA-48 terminals send them; CSI or SS3 and one final octet.
+# Sequences of ECMA-48 terminals: CSI or SS3, parameters, and one final octet.
 KEY = re.compile(rb"\x1b[\[O][0-9;]{0,4}[@-~]|\r\n?|[\x01-\x7f]")
 MEANINGS = {
     b"\r": AGAIN,
@@ -29,12 +29,12 @@ MEANINGS = {
 
 
 class Keys:
-    """Octets in, keys out, once the line was quiet for a moment.
+    """Converts received octets to keys, after each quiet moment.
 
-    A key of noise might open a shell, and the rest of the noise would be typed into it: so whatever comes in a burst
-    that no single key makes is noise as a whole. It is counted, and a flood costs nothing but its counter.
+    A key in noise might open a shell, and the rest of the noise would be typed into it. So a burst is noise as a whole
+    unless a single key makes it. Noise is only counted, so a flood costs nothing else.
 
-    noise  octets so far.
+    noise  number of octets of noise so far.
     """
 
     def __init__(self) -> None:
@@ -44,7 +44,7 @@ class Keys:
         self._last = 0.0
 
     def receive(self, octets: bytes, now: float) -> list[str]:
-        """Keys of the burst before, if this is the first of another."""
+        """Add octets; return the keys of the previous burst if these begin another one."""
         keys = self.expire(now)
         self._burst = (self._burst + octets[: LONGEST + 1])[: LONGEST + 1]
         self._length += len(octets)
@@ -52,7 +52,7 @@ class Keys:
         return keys
 
     def expire(self, now: float) -> list[str]:
-        """Keys of the burst that has ended; letters are small."""
+        """Return the keys of a burst that has ended; letters are lower-case."""
         due = self.deadline()
         if due is None or now < due:
             return []
@@ -67,7 +67,7 @@ class Keys:
 
 
 def _keys(burst: bytes) -> list[str]:
-    """What was pressed: one key, perhaps several times, perhaps Enter behind it; nothing where it is noise."""
+    """Return the keys of a burst: one key, perhaps repeated, perhaps with Enter; empty if it is noise."""
     found = KEY.findall(burst)
     if len(burst) > LONGEST or b"".join(found) != burst:
         return []

@@ -1,16 +1,18 @@
-"""Lines of a file that are shown above everything: what the start had to say, such as mistakes in a user's files."""
+"""Notes of the start: a file whose lines the serial console shows above everything."""
 
 import os
 from pathlib import Path
 
-MOST = 16_384  # octets of the file that are shown
+MOST_OCTETS = 16_384  # octets of the file that are read
 MOST_LINES = 100
 
 
 class Notes:
-    """The lines of a file, read again when it is another one. A file that is not there has none.
+    """Lines of a file with notes of the start, such as mistakes in the owner's files; shown above everything.
 
-    lines  without those that are empty; text of others, which may hold anything.
+    The file is read again when it has changed. An absent file has no lines.
+
+    lines  non-empty lines; their text comes from other programs and may contain anything.
     """
 
     def __init__(self, path: str) -> None:
@@ -19,7 +21,7 @@ class Notes:
         self._seen: tuple[int, ...] | None = None
 
     def look(self) -> None:
-        """Read it where it has changed."""
+        """Read the file if it has changed."""
         if self._path is None:
             return
         try:
@@ -35,11 +37,11 @@ class Notes:
 
 
 def _lines(path: Path) -> list[str]:
-    """Of a regular file: a pipe would be waited for. Raises OSError."""
+    """Return the first lines of a file, without waiting for a pipe. Raises OSError if it cannot be read."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     with os.fdopen(descriptor, "rb") as file:
-        octets = file.read(MOST + 1) or b""
-    lines = [line.rstrip() for line in octets[:MOST].decode("utf-8", "replace").splitlines()]
+        octets = file.read(MOST_OCTETS + 1) or b""
+    lines = [line.rstrip() for line in octets[:MOST_OCTETS].decode("utf-8", "replace").splitlines()]
     lines = [line for line in lines if line]
-    is_more = len(octets) > MOST or len(lines) > MOST_LINES
+    is_more = len(octets) > MOST_OCTETS or len(lines) > MOST_LINES
     return [*lines[:MOST_LINES], *([f"... {path} has more"] if is_more else [])]

@@ -1,13 +1,13 @@
-"""Sections to pages of a screen, and the lines around them."""
+"""Splits sections into pages of a screen, with header and footer."""
 
 from collections.abc import Sequence
 
-FEWEST = 3  # lines of a section that begin it on a page: fewer are left to the next
-BESIDE = 3  # lines of a screen that are no section's: the head, a message, the keys
+FEWEST = 3  # least lines of a section at the end of a page; with less room, the section begins on the next page
+BESIDE = 3  # lines of a screen beside sections: head, message, keys
 
 
 def pages(sections: Sequence[Sequence[str]], height: int) -> list[list[str]]:
-    """The lines of each page, at most `height`; one page at least."""
+    """Return the lines of each page, at most `height` per page; at least one page."""
     made: list[list[str]] = [[]]
     for section in sections:
         left = list(section)
@@ -23,7 +23,7 @@ def pages(sections: Sequence[Sequence[str]], height: int) -> list[list[str]]:
 
 
 def screen(head: str, body: Sequence[str], message: str, keys: str, height: int) -> list[str]:
-    """`height` lines: the keys are always the last, whatever there is room for."""
+    """Return `height` lines; the keys are always the last, even if other lines have no room."""
     room = max(0, height - BESIDE)
     lines = [head, *body[:room], *[""] * (room - len(body)), message, keys]
     return lines[-height:] if height < BESIDE else lines

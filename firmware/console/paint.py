@@ -1,28 +1,28 @@
-"""Lines to octets: in place with what each VT100 has, or below one another for a terminal that has nothing."""
+"""Draws lines on a terminal: in place on a VT100, else below."""
 
 from collections.abc import Sequence
 
-# ECMA-48: CUP without parameters, EL and ED without parameters. Nothing else is sent.
+# ECMA-48: CUP, EL and ED, all without parameters. No other codes are sent.
 HOME, REST_OF_LINE, REST_OF_SCREEN = b"\x1b[H", b"\x1b[K", b"\x1b[J"
 LINE_END = b"\r\n"
 
 
 class Painter:
-    """Octets that make a screen show lines; the cursor rests behind the last.
+    """Converts lines to octets that show them on the screen; the cursor stays after the last line.
 
-    Only what changed is sent. Lines in between are passed with line feeds from the upper left corner, which every
-    terminal has, whatever it takes for a column.
+    Only changed lines are sent. Line feeds from the upper left corner skip the others, because they work on every
+    terminal, whatever its width.
     """
 
     def __init__(self) -> None:
         self._shown: list[str] = []
 
     def forget(self) -> None:
-        """Somebody else has written on the screen: the next frame is whole."""
+        """Send the next frame completely, because other output has changed the screen."""
         self._shown = []
 
     def frame(self, lines: Sequence[str]) -> bytes:
-        """ASCII lines, one at least; nothing when all of them are shown already."""
+        """Return the octets for ASCII lines, at least one; empty if all are shown already."""
         before, self._shown = self._shown, list(lines)
         if before == self._shown:
             return b""
@@ -33,7 +33,7 @@ class Painter:
 
 
 class Printer:
-    """The same for a terminal that prints: each frame below the one before, without a single escape code."""
+    """Painter for printing terminals: each frame below the previous one, without escape codes."""
 
     def forget(self) -> None: ...
 

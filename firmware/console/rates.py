@@ -1,11 +1,11 @@
-"""Messages a second of each interface, of what two statuses count."""
+"""Messages per second of each interface, from two statuses."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from firmware.user.untrusted import named, number, within
+from firmware.untrusted import named, number, total
 
-SHORTEST_S = 0.5  # a burst of a moment is no rate
+SHORTEST_S = 0.5  # shortest time between two statuses for a rate
 
 
 class Rate(NamedTuple):
@@ -14,7 +14,7 @@ class Rate(NamedTuple):
 
 
 class Rates:
-    """Between the last two statuses of one station. The first of a station has none."""
+    """Rates between the last two statuses of a station; empty after the first."""
 
     def __init__(self) -> None:
         self.of: dict[str, Rate] = {}
@@ -23,24 +23,19 @@ class Rates:
         self._counts: dict[str, Rate] = {}
 
     def add(self, status: Mapping[str, object], now: float) -> None:
-        """Another status; now is monotonic."""
+        """Add a status; now is monotonic, s."""
         elapsed_s = now - self._then
         if self._counts and elapsed_s < SHORTEST_S:
             return
         uptime_s = number(status, "uptime_s")
         is_same = number(status, "pid") == self._who[0] and uptime_s >= self._who[1]
-        counts = {name: Rate(_sum(one, "received"), _sum(one, "sent")) for name, one in named(status, "interfaces")}
+        counts = {name: Rate(total(one, "received"), total(one, "sent")) for name, one in named(status, "interfaces")}
         before = self._counts if is_same else {}
         self.of = {name: _rate(before[name], count, elapsed_s) for name, count in counts.items() if name in before}
         self._counts, self._then, self._who = counts, now, (number(status, "pid"), uptime_s)
 
 
 def _rate(before: Rate, now: Rate, elapsed_s: float) -> Rate:
-    """An interface that was made again counts from 0 again."""
+    """Return the rate of an interface; a restarted one counts from 0, which must not give a negative rate."""
     received, sent = (max(0.0, new - old) / elapsed_s for old, new in zip(before, now, strict=True))
     return Rate(received, sent)
-
-
-def _sum(one: Mapping[str, object], key: str) -> float:
-    counts = within(one, key)
-    return sum(number(counts, kind) for kind in counts)

@@ -1,20 +1,22 @@
-"""What the service manager says of the station, for when the station itself says nothing."""
+"""Service manager's state of the station's service, for the serial console."""
 
 from collections.abc import Callable, Sequence
 
-from board.errors import StationError
-from board.loop import Loop
-from board.tool import Tool
-from firmware.user import systemd
+from board.runtime.errors import StationError
+from board.runtime.loop import Loop
+from board.runtime.tool import Tool
+from firmware import systemd
 
-LIMIT_S = 5.0
-BY_HAND = "it is started by `captain run`"
+SYSTEMD_S = 5.0  # limit for systemctl and journalctl
+BY_HAND = "start it with `captain run`"
 
 
 class Service:
-    """words       what became of the station, or who starts it.
-    last_words  its own, of why it has ended.
-    remedy      what whoever reads this can do.
+    """Queries the service manager about the station while the station does not answer.
+
+    words       state of the service, or how to start the station.
+    last_words  last error that the station logged before its end.
+    remedy      remedy for the reader.
     """
 
     def __init__(self, loop: Loop, changed: Callable[[], None]) -> None:
@@ -28,7 +30,7 @@ class Service:
         return self._tool is None
 
     def look(self) -> None:
-        """Ask, unless it is being asked; where there is no service manager nobody is."""
+        """Start a query, unless one is in progress or the machine has no service manager."""
         if self._tool is None and systemd.MANAGER.exists():
             self._ask(systemd.SHOW, self._shown)
 
@@ -38,7 +40,7 @@ class Service:
 
     def _ask(self, command: Sequence[str], said: Callable[[int | None, str], None]) -> None:
         try:
-            self._tool = Tool(self._loop, command, LIMIT_S, said, quick=True)
+            self._tool = Tool(self._loop, command, SYSTEMD_S, said, quick=True)
         except StationError:
             self._tool = None
 

@@ -1,4 +1,4 @@
-"""What the serial console says: facts to sections of lines, the most urgent first."""
+"""Text of the serial console: facts to sections, the most urgent first."""
 
 import textwrap
 import time
@@ -6,35 +6,40 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from firmware import VERSION
-from firmware.console.addresses import Device
+from firmware.client.show.status import board, clock, storage
+from firmware.client.show.status.clock import LAST_TIME
+from firmware.client.show.table import Table, plain, span, times
+from firmware.console.addresses import AddressedDevice
 from firmware.console.journal import Trouble
 from firmware.console.rates import Rate
 from firmware.printable import clean
-from firmware.user import board, clock, storage
-from firmware.user.clock import LAST_TIME
-from firmware.user.table import Table, plain, span, times
-from firmware.user.untrusted import listed, named, number, text, texts, within
+from firmware.untrusted import listed, named, number, text, texts, within
 
-NOTES_ABOVE = 8  # lines of notes on the first page; all of them are on the last
-FOLDED = 3  # lines of one trouble at most
+NOTES_ABOVE = 8  # most lines of notes on the first page; the last page has all
+FOLDED = 3  # most lines for one error or drop
 DROPS = 5
 DEVICES = 12
-UNSET = "the clock of this machine is NOT SET: no time stamp is right"
-OPEN = "whoever reaches these addresses can send: no user is authenticated"
+UNSET = "the clock of this machine is NOT SET: all time stamps are wrong"
+OPEN = "open to every program that reaches these addresses, without authentication"
 
 Status = Mapping[str, object]
 Section = list[str]
 
 
 class Facts(NamedTuple):
-    """What is known at one moment.
+    """Facts for one screen.
 
-    status      of the station; empty where none answers: `why` says why, `service` what became of it or who starts
-                it, `last_words` what it has said of its end, `remedy` what to do.
-    rates       by interface.
-    is_open     whether other machines reach the endpoint.
-    notes       lines of whoever made this machine start.
-    troubles    of the journal, the newest first; unread: why they are not known, or empty.
+    status      status of the station; empty without an answer.
+    why         why no station answers.
+    service     state of the station's service, or how to start it.
+    last_words  last error that the station logged before its end.
+    remedy      remedy if no station answers.
+    rates       message rates by interface.
+    devices     network devices with their addresses.
+    is_open     other machines reach the endpoint.
+    notes       notes of the start of this machine.
+    troubles    errors of the journal, the newest first.
+    unread      why the journal could not be read; else empty.
     now         Unix time in seconds.
     """
 
@@ -44,7 +49,7 @@ class Facts(NamedTuple):
     last_words: str
     remedy: str
     rates: Mapping[str, Rate]
-    devices: Sequence[Device]
+    devices: Sequence[AddressedDevice]
     is_open: bool
     notes: Sequence[str]
     troubles: Sequence[Trouble]
@@ -53,7 +58,7 @@ class Facts(NamedTuple):
 
 
 def head(facts: Facts) -> str:
-    """The first line: who, since when, and the clock of the machine."""
+    """Return the first line: station, version, uptime, and the machine's clock."""
     status = facts.status
     day = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(min(max(0.0, facts.now), LAST_TIME)))
     if not status:
@@ -62,7 +67,7 @@ def head(facts: Facts) -> str:
 
 
 def sections(facts: Facts, width: int) -> list[Section]:
-    """Lines of ASCII, none longer than width; no section is empty."""
+    """Return sections of ASCII lines, at most `width` wide; no section is empty."""
     made = [
         _notes(facts.notes[:NOTES_ABOVE], len(facts.notes) - NOTES_ABOVE, width),
         *(_of_station(facts, width) if facts.status else [_nobody(facts, width)]),
@@ -75,13 +80,13 @@ def sections(facts: Facts, width: int) -> list[Section]:
 
 
 def shown(line: str, width: int) -> str:
-    """A line as each terminal can show it: ASCII, nothing that it would obey, not longer than width."""
+    """Return a line that every terminal can show: ASCII without control characters, at most `width` wide."""
     return clean(line).encode("ascii", "replace").decode()[:width]
 
 
 def _notes(lines: Sequence[str], more: int, width: int) -> Section:
     folded = [part for line in lines for part in _folded(f"! {line}", width)]
-    return [*folded, *([f"! {more} lines more on the last page"] if more > 0 else [])]
+    return [*folded, *([f"! {more} more lines on the last page"] if more > 0 else [])]
 
 
 def _nobody(facts: Facts, width: int) -> Section:
@@ -105,7 +110,7 @@ def _of_station(facts: Facts, width: int) -> Iterator[Section]:
 
 def _time(status: Status) -> str:
     told = within(status, "clock")
-    return clock.title(told) if told else "time: the station says nothing of it"
+    return clock.title(told) if told else "time: not reported by the station"
 
 
 def _place(position: Status) -> str:
@@ -138,15 +143,15 @@ def _slots(told: Status) -> Table:
 
 
 def _board(told: Status) -> str:
-    """What is measured, and whether anything is."""
+    """Return the board's measurements in words, and the error if its worker does not run."""
     worker = within(told, "worker")
-    runs = [] if worker.get("is_up") is True else [f"its worker does not run: {text(worker, 'why')}"]
+    runs = [] if worker.get("is_up") is True else [f"worker not running: {text(worker, 'why')}"]
     measured = [f"{name or kind} {values}" for kind, name, values, _ in board.measured(told)]
     return f"board {text(told, 'name')}: {', '.join([*runs, *measured]) or 'nothing is measured'}"
 
 
 def _power(slot: Status) -> str:
-    """Of a slot whose power nothing switches it is as on as the board."""
+    """Return the power state of a slot; one without a switch has power as long as the board."""
     if text(slot, "switched_by").startswith("nothing"):
         return "always"
     return {"off": "off", "fault": "?"}.get(text(slot, "sequence"), "on")
@@ -187,13 +192,13 @@ def _users(status: Status) -> str:
 def _addresses(facts: Facts, width: int) -> Section:
     lines = [line for one in facts.devices[:DEVICES] for line in _folded(_device(one), width)]
     if (more := len(facts.devices) - DEVICES) > 0:
-        lines.append(f"{more} network devices more")
+        lines.append(f"{more} more network devices")
     if facts.is_open:
         lines += _folded(OPEN, width)
     return lines or ["no network device"]
 
 
-def _device(one: Device) -> str:
+def _device(one: AddressedDevice) -> str:
     return f"{one.name:6} {one.state:7} {' '.join(one.addresses) or 'no address'}"
 
 
@@ -223,7 +228,7 @@ def _logged(one: Trouble) -> str:
 
 
 def _in_full(facts: Facts, width: int) -> Section:
-    """What the table of the interfaces had no room for."""
+    """Return reasons of interfaces that did not fit into their table."""
     table = "\n".join(plain(_interfaces(facts), width))
     return [
         line

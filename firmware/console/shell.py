@@ -1,4 +1,4 @@
-"""A shell on the console's terminal: a child with a process group of its own, which has the terminal until it ends."""
+"""Shell on the console's terminal: a child with its own process group."""
 
 import fcntl
 import os
@@ -8,20 +8,20 @@ import termios
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 
-from board.child import die_with_parent
-from board.errors import InterfaceError
-from board.exit import Exit
-from board.loop import Loop, Timer
-from board.tool import environment
+from board.runtime.child import die_with_parent
+from board.runtime.errors import InterfaceError
+from board.runtime.exit import Exit
+from board.runtime.loop import Loop, Timer
+from board.runtime.tool import environment
 
-LOOK_S = 1.0  # between two looks at whether it was stopped
+LOOK_S = 1.0  # interval of checks for a stopped shell
 
 
 class Shell:
-    """Runs on a terminal that is lent to it; ended is told its exit status.
+    """Shell that runs on a terminal lent to it; ended() receives its exit status.
 
-    It is hung up when the console ends, however that does, and goes on where it was stopped: nobody else could have it
-    do so. Raises InterfaceError when it cannot be started.
+    The shell is hung up when the console ends, however that ends. If it was stopped, it is continued, because no other
+    program could do so. Raises InterfaceError if it cannot be started.
     """
 
     def __init__(self, loop: Loop, argv: Sequence[str], terminal: int, ended: Callable[[int], None]) -> None:
@@ -29,7 +29,7 @@ class Shell:
         self._terminal = terminal
         self._ended = ended
         self._group = _foreground(terminal)
-        # Whoever is in the background and sets the foreground would be stopped.
+        # Without this, setting the foreground group from the background would stop this process.
         self._background = signal.signal(signal.SIGTTOU, signal.SIG_IGN)
         try:
             self._child = subprocess.Popen(
@@ -44,16 +44,16 @@ class Shell:
         except (OSError, subprocess.SubprocessError) as error:
             self._return()
             why = getattr(error, "strerror", None) or str(error)
-            raise InterfaceError(f"{argv[0]}: {why}", "another one is named with --shell") from error
+            raise InterfaceError(f"{argv[0]}: {why}", "name another program with --shell") from error
         loop.add(self._exit)
         self._look_again: Timer = loop.after(LOOK_S, self._look)
 
     def hang_up(self) -> None:
-        """Tell it that its terminal is gone."""
+        """Send SIGHUP, because the terminal is gone."""
         self._child.send_signal(signal.SIGHUP)
 
     def _look(self) -> None:
-        """Ctrl-Z stops what a shell has become by `exec`, and a shell may stop itself."""
+        """Continue the shell if it was stopped: by Ctrl-Z, if `exec` replaced the shell, or by itself."""
         if os.waitid(os.P_PID, self._child.pid, os.WSTOPPED | os.WNOHANG):
             os.killpg(self._child.pid, signal.SIGCONT)
         self._look_again = self._loop.after(LOOK_S, self._look)
@@ -67,15 +67,15 @@ class Shell:
         self._ended(status)
 
     def _return(self) -> None:
-        """The terminal is the console's again, though a job of the shell may have been in its foreground."""
+        """Make the console the foreground group again; a job of the shell may have been it."""
         if self._group is not None:
-            with suppress(OSError):  # it has hung up
+            with suppress(OSError):  # the terminal has hung up
                 os.tcsetpgrp(self._terminal, self._group)
         signal.signal(signal.SIGTTOU, self._background)
 
 
 def _foreground(terminal: int) -> int | None:
-    """The process group in front; None where the terminal does not control this process's session."""
+    """Return the foreground process group; None if the terminal does not control this process's session."""
     try:
         return os.tcgetpgrp(terminal)
     except OSError:
@@ -83,7 +83,7 @@ def _foreground(terminal: int) -> int | None:
 
 
 def _ours(terminal: int, is_controlling: bool) -> Callable[[], None]:
-    """What the child does before it becomes the shell."""
+    """Return the function that prepares the child before it becomes the shell."""
     die = die_with_parent(signal.SIGHUP)
 
     def take() -> None:
@@ -94,7 +94,7 @@ def _ours(terminal: int, is_controlling: bool) -> Callable[[], None]:
         else:
             os.setsid()
             fcntl.ioctl(terminal, termios.TIOCSCTTY, 0)
-        for number in range(signal.SIGHUP, signal.SIGSYS + 1):  # whatever started the station ignored
+        for number in range(signal.SIGHUP, signal.SIGSYS + 1):  # ignored signals would be inherited
             if number not in (signal.SIGKILL, signal.SIGSTOP):
                 signal.signal(number, signal.SIG_DFL)
 

@@ -1,11 +1,11 @@
-"""Gathers what the serial console shows: asks the station, the kernel, the journal; waits for none of them."""
+"""Gathers the console's facts from station, kernel and journal, without blocking."""
 
 import re
 import time
 from collections.abc import Callable, Sequence
 
-from board.errors import StationError
-from board.loop import Loop
+from board.runtime.errors import StationError
+from board.runtime.loop import Loop
 from firmware.console.addresses import devices, is_open
 from firmware.console.asking import Asking, Status
 from firmware.console.journal import Journal
@@ -14,19 +14,19 @@ from firmware.console.rates import Rates
 from firmware.console.service import Service
 from firmware.console.sheet import Facts
 
-# Between two questions, whatever is typed: a status costs a station 0.3 ms.
+# Shortest time between two queries, whatever keys are pressed; a status takes a station 0.3 ms.
 ASKED_S = 1.9
-JOURNAL_S = 30.0  # 0.1 s of processor time each
+JOURNAL_S = 30.0  # interval of readings, each of which takes 0.1 s of processor time
 SERVICE_S = 10.0
-FIRST_PORT = 5555  # of a station whose control socket has no number in its name
+FIRST_PORT = 5555  # port of a station whose control socket has no number in its name
 NUMBER = re.compile(r"captain-(?:.*-)?(\d{1,5})\.sock$")
 
 
 class Survey:
-    """What is known, and look() for more; changed() is called when some of it has come.
+    """Facts so far; look() gathers new ones, and changed() is called when some have come.
 
-    paths  of its control socket: the first that somebody listens at is its own.
-    notes  path of a file, or empty.
+    paths  candidate control sockets of the station; the first one on which a program listens is used.
+    notes  path of the file with notes; empty: none.
     """
 
     def __init__(self, loop: Loop, paths: Sequence[str], notes: str, changed: Callable[[], None]) -> None:
@@ -45,23 +45,23 @@ class Survey:
 
     @property
     def is_complete(self) -> bool:
-        """Whether all that was asked for has come."""
+        """True if all queries have been answered."""
         return self._is_known and self._asking is None and self._journal.is_read and self._service.is_read
 
     @property
     def is_answered(self) -> bool:
-        """Whether a station has answered the last question."""
+        """True if a station has answered the last query."""
         return bool(self._status)
 
     def look(self) -> None:
-        """Ask all that has not been asked of late."""
+        """Start all queries whose interval is over."""
         if self._is_due("station", ASKED_S) and self._asking is None:
             self._asking = Asking(self._loop, self._paths, self._told)
         if self._is_due("journal", JOURNAL_S):
             self._journal.look()
 
     def facts(self) -> Facts:
-        """With what the kernel and the file of notes say now."""
+        """Return all facts; those of the kernel and the notes are read now."""
         self._notes.look()
         return Facts(
             self._status,
@@ -79,7 +79,7 @@ class Survey:
         )
 
     def leave(self) -> None:
-        """Wait for nothing any more."""
+        """Cancel all queries."""
         if self._asking is not None:
             self._asking.leave()
         self._journal.leave()
@@ -106,6 +106,6 @@ class Survey:
 
 
 def _port(paths: Sequence[str]) -> int:
-    """Where users publish to, as the name of the control socket says."""
+    """Return the port to which users publish, from the name of the control socket."""
     found = NUMBER.search(paths[0]) if paths else None
     return int(found[1]) if found else FIRST_PORT

@@ -1,4 +1,4 @@
-"""A terminal on the loop: octets come as they are typed, frames leave without waiting or not at all."""
+"""Terminal on the loop: keys as they arrive, frames without blocking."""
 
 import fcntl
 import os
@@ -8,28 +8,30 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from board.errors import InterfaceError
-from board.loop import READ, WRITE, Loop
+from board.runtime.errors import InterfaceError
+from board.runtime.loop import READ, WRITE, Loop
 
-COLUMNS, LINES = 80, 24  # where the terminal does not say: a serial line cannot
-RATE = 10_000  # octets a second: a line of 115200 baud carries 11,520
+COLUMNS, LINES = 80, 24  # default, because a serial line cannot report its size
+RATE = 10_000  # octets per second; a line of 115200 baud carries 11,520
 STOPPED_S = 1.0
-BATCH = 4096  # octets read in a turn: a tty's queue holds no more
+BATCH = 4096  # most octets read in one turn; the queue of a tty holds no more
 
-Modes = list[Any]  # of termios.tcgetattr()
+Modes = list[Any]  # result of termios.tcgetattr()
 IFLAG, OFLAG, _, LFLAG, _, _, CC = range(7)
-# Of IFLAG what a line is set up anew for, by a driver that does XON and XOFF not itself, as those of a Pi
-# (uart_set_termios of Linux' serial_core.c): that spoils what others have under way, and silences QEMU's mini UART. So
-# it stays as it is, but for BRKINT, which makes a signal of a break; one of a plug that is pulled is noise at most.
+# Bits of IFLAG whose change reinitialises the line, unless its driver does XON and XOFF itself. Drivers of a Pi do not
+# (uart_set_termios of Linux' serial_core.c). The reinitialisation corrupts output in progress, and silences QEMU's mini
+# UART. So these bits stay unchanged, except BRKINT, which turns a break into a signal. A pulled plug must cause noise
+# at most.
 SET_UP = termios.IGNBRK | termios.BRKINT | termios.IGNPAR | termios.PARMRK | termios.INPCK
 
 
 class Terminal:
-    """The terminal behind a descriptor, with modes of its own until it is closed.
+    """Terminal of a descriptor; it has modes of its own until it is closed.
 
-    typed  is given what was typed.
-    gone   is told once that it has hung up.
-    Raises InterfaceError where there is no terminal.
+    typed  called with received octets.
+    gone   called once when it has hung up.
+
+    Raises InterfaceError if the descriptor is not a terminal.
     """
 
     def __init__(self, loop: Loop, descriptor: int, typed: Callable[[bytes], None], gone: Callable[[], None]) -> None:
@@ -43,7 +45,9 @@ class Terminal:
         try:
             self._before: Modes = termios.tcgetattr(descriptor)
         except termios.error as error:
-            raise InterfaceError("this is no terminal", "`captain console --once` prints one screen") from error
+            raise InterfaceError(
+                "standard input is not a terminal", "`captain console --once` prints one screen"
+            ) from error
         self._descriptor = _opened(descriptor)
         self.take()
 
@@ -58,7 +62,7 @@ class Terminal:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Columns and lines that may be written to: the last column would make some terminals go on to a new line."""
+        """Usable columns and lines; the last column is left out, because some terminals wrap after it."""
         try:
             lines, columns, _, _ = struct.unpack("4H", fcntl.ioctl(self._descriptor, termios.TIOCGWINSZ, bytes(8)))
         except OSError:
@@ -67,28 +71,28 @@ class Terminal:
 
     @property
     def is_free(self) -> bool:
-        """Whether all that was drawn has left: not while the other end has stopped it (XOFF), or the line is slow."""
+        """True if all output has been sent; false while the peer has stopped it (XOFF), or the line is slow."""
         return self._is_served and not self._waiting and self._loop.clock() >= self._free_at and not self._queued()
 
     @property
     def is_stopped(self) -> bool:
-        """Whether it has not taken the last frame though it had the time: it will not do so within a moment either."""
+        """True if the last frame should have been sent STOPPED_S ago, so a retry soon would fail too."""
         return not self.is_free and self._loop.clock() > self._free_at + STOPPED_S
 
     def draw(self, octets: bytes) -> None:
-        """Write a frame, when it is free; what the terminal does not take at once waits, and no more than this."""
+        """Write a frame while is_free; the part that the terminal does not take at once waits."""
         assert not self._waiting
         self._free_at = self._loop.clock() + len(octets) / RATE
         self._write(octets)
 
     def say(self, octets: bytes) -> None:
-        """Write a few octets at once, or not at all: before others have the terminal."""
+        """Write a few octets at once or not at all, before the terminal is lent."""
         if self._is_served and not self._waiting:
             with suppress(OSError):
                 os.write(self._descriptor, octets)
 
     def lend(self) -> None:
-        """Leave it to a child, with the modes that it had before."""
+        """Lend the terminal to a child, with its previous modes."""
         if self._is_served:
             self._is_served = False
             self._waiting = b""
@@ -97,7 +101,7 @@ class Terminal:
             self._set(self._before)
 
     def take(self) -> None:
-        """Have it, again: keys come one by one and are not shown, none is a signal, none is from before."""
+        """Take the terminal: keys arrive singly without echo or signals, and earlier input is discarded."""
         os.set_blocking(self._descriptor, False)
         self._set(_single_keys(self._before))
         with suppress(termios.error):
@@ -106,7 +110,7 @@ class Terminal:
         self._loop.add(self)
 
     def close(self) -> None:
-        """Give it back, without waiting for a line that is stopped; idempotent."""
+        """Give the terminal back without waiting for a stopped line; idempotent."""
         if self._descriptor < 0:
             return
         with suppress(OSError, termios.error):
@@ -117,7 +121,7 @@ class Terminal:
             with suppress(OSError):
                 os.write(self._descriptor, b"\r\n")
         else:
-            self._set(self._before)  # who had it lent may have changed them
+            self._set(self._before)  # the borrower may have changed them
         os.close(self._descriptor)
         self._descriptor = -1
 
@@ -126,7 +130,7 @@ class Terminal:
             octets = os.read(self._descriptor, BATCH)
         except BlockingIOError:
             return
-        except OSError:  # EIO: hung up
+        except OSError:  # EIO: the terminal has hung up
             octets = b""
         if octets:
             self._typed(octets)
@@ -148,21 +152,21 @@ class Terminal:
         self._gone()
 
     def _queued(self) -> int:
-        """Octets that the kernel has still to send."""
+        """Return the number of octets that the kernel has not sent yet."""
         try:
             return int(struct.unpack("i", fcntl.ioctl(self._descriptor, termios.TIOCOUTQ, bytes(4)))[0])
         except OSError:
             return 0
 
     def _set(self, modes: Modes) -> None:
-        with suppress(termios.error):  # it has hung up: the next read tells
+        with suppress(termios.error):  # the terminal has hung up: the next read reports it
             termios.tcsetattr(self._descriptor, termios.TCSANOW, modes)
 
 
 def _opened(descriptor: int) -> int:
-    """The same terminal, opened once more: one that does not wait must be nobody else's, the caller's shell above all.
+    """Open the same terminal again, so that O_NONBLOCK does not affect other users such as the caller's shell.
 
-    Where it cannot be opened, because it is another user's, it is the caller's all the same.
+    If it cannot be opened, because it belongs to another user, duplicate the descriptor.
     """
     try:
         return os.open(os.ttyname(descriptor), os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -171,9 +175,9 @@ def _opened(descriptor: int) -> int:
 
 
 def _single_keys(modes: Modes) -> Modes:
-    """Modes in which octets come as they are, and only XOFF and XON are the line's own; any key is XON as well.
+    """Return modes in which octets arrive unchanged, and the line handles only XOFF and XON; any key acts as XON.
 
-    An XOFF that is noise would stop the screen for ever.
+    Otherwise an XOFF in noise would stop the screen permanently.
     """
     made = list(modes)
     made[IFLAG] = modes[IFLAG] & SET_UP & ~termios.BRKINT | termios.IXON | termios.IXANY

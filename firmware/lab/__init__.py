@@ -1,1 +1,5 @@
-"""Stations and drivers tried out: started as children or for a moment, watched, counted, ended."""
+"""Test bench with stations and drivers: starts them as children, watches and stops them.
+
+Face: copies, laboratory, ports.
+Commands: lab, demo.
+"""

@@ -1,26 +1,29 @@
-"""Certificates for an afternoon, made by the program openssl: an authority, a broker, its clients."""
+"""Short-lived certificates by openssl: for an authority, a broker and its clients."""
 
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from board.errors import StationError
+from board.runtime.errors import StationError
 
 CURVE = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes")
 DAYS = 2
-USAGE = "keyUsage=critical,keyCertSign,cRLSign"  # strict verifiers ask for it: Python 3.13 (RFC 5280, 4.2.1.3)
+USAGE = "keyUsage=critical,keyCertSign,cRLSign"  # strict verifiers such as Python 3.13 require it (RFC 5280, 4.2.1.3)
 
 
 class Pair(NamedTuple):
-    """What one end shows: PEM files, the key for its owner alone."""
+    """Certificate and key of one end as PEM files; only their owner may read the key."""
 
     certificate: Path
     key: Path
 
 
 class Authority:
-    """Signs in a folder, in which its name is its own. Raises StationError where openssl is missing or fails."""
+    """Certificate authority whose files are in a folder under its own name.
+
+    Raises StationError if openssl is missing or fails.
+    """
 
     def __init__(self, folder: Path, name: str = "authority") -> None:
         self.certificate = folder / f"{name}.pem"
@@ -33,7 +36,14 @@ class Authority:
         self._key.chmod(0o600)
 
     def issue(self, name: str, extensions: str, validity: Sequence[str] = ("-days", str(DAYS))) -> Pair:
-        """name: its common name. extensions: lines of x509v3_config(5). validity: options of openssl-x509(1)."""
+        """Issue a certificate with its key.
+
+        name        common name of the certificate.
+        extensions  lines of x509v3_config(5).
+        validity    options of openssl-x509(1).
+
+        Raises StationError if openssl is missing or refuses.
+        """
         self._issued += 1
         stem = f"{self.certificate.stem}-{self._issued}-{name}"
         certificate, key, request, wanted = (self._folder / f"{stem}.{end}" for end in ("pem", "key", "csr", "ext"))

@@ -1,15 +1,15 @@
-"""Copies of test messages between two stations: how many were sent, came, and came whole."""
+"""Counts of test messages between two stations: sent, received, unchanged."""
 
 from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from firmware.client.received import Message
 from firmware.lab.laboratory import Vector
-from firmware.user.received import Message
 
 
-class Row(NamedTuple):
-    """One message in one direction."""
+class CopyRow(NamedTuple):
+    """Counts of one message in one direction."""
 
     vector: Vector
     sender: str
@@ -23,18 +23,21 @@ class Row(NamedTuple):
 
     @property
     def altered(self) -> int:
-        """Also what came more often than it was sent."""
+        """Messages that were received changed, or more often than they were sent."""
         return self.received - self.equal + max(0, self.equal - self.sent)
 
 
 class Count:
-    """Copies of each message: the same octets travel again and again, so copies are what can be counted."""
+    """Counts of each message's copies.
+
+    The same octets are sent repeatedly, so single copies cannot be distinguished.
+    """
 
     def __init__(self, vectors: Sequence[Vector], senders: Sequence[str]) -> None:
         self.vectors = vectors
         self.recorded = 0
-        self.lost_on_air = 0  # as the simulated radios say
-        self.strange = 0  # received, and so much altered that it cannot be said from what
+        self.lost_on_air = 0  # number reported by the simulated radios
+        self.strange = 0  # received messages, changed so much that their original is unknown
         self._senders = senders
         self._sent: Counter[tuple[str, int]] = Counter()
         self._received: Counter[tuple[str, int]] = Counter()
@@ -45,7 +48,10 @@ class Count:
         self._sent[sender, place] += 1
 
     def received(self, sender: str, message: Message) -> None:
-        """A message that can only be the sender's; whole when envelope, octets and raw. message are."""
+        """Count a message that only this sender can have sent.
+
+        It is equal if envelope, octets and its `raw.` message are right.
+        """
         place = self._place.get(message.pdu)
         if place is None:
             place = self._closest(message)
@@ -58,12 +64,12 @@ class Count:
         self._equal[sender, place] += is_equal
 
     def received_from(self, sender: str) -> int:
-        """All that a user was delivered, whatever it was sent as."""
+        """Return the number of messages received from a sender, changed or not."""
         return sum(count for (who, _), count in self._received.items() if who == sender)
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[CopyRow]:
         return [
-            Row(vector, sender, self._sent[key], self._received[key], self._equal[key])
+            CopyRow(vector, sender, self._sent[key], self._received[key], self._equal[key])
             for sender in self._senders
             for place, vector in enumerate(self.vectors)
             if (key := (sender, place)) in self._sent or key in self._received
@@ -74,7 +80,7 @@ class Count:
         return self._sent.total() - self._received.total() - self.strange
 
     def _closest(self, message: Message) -> int | None:
-        """The message of this type and length, which this once was."""
+        """Return the place of a message with this type and length, of which this is probably a changed copy."""
         for place, vector in enumerate(self.vectors):
             if (vector.type, len(vector.pdu)) == (message.type, len(message.pdu)):
                 return place

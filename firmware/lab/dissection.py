@@ -1,24 +1,24 @@
-"""What tshark makes of a capture: how far each frame is decoded, and whether any is malformed."""
+"""Decoding of a capture by tshark: depth and errors per frame."""
 
 import subprocess
 from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from board.errors import StationError
+from board.runtime.errors import StationError
 
-# One line a frame: BTP port, protocols, what is malformed, what tshark complains of beside.
+# Fields that tshark prints per frame: BTP port, protocols, malformed protocol, other complaints.
 FIELDS = ("btpb.dstport", "frame.protocols", "_ws.malformed", "_ws.expert.message")
 BEACON = "beacon"
 
 
 class Dissected(NamedTuple):
-    """All frames to one BTP port.
+    """Counts of all frames to one BTP port.
 
-    port       0 for what has no BTP header: beacons.
-    decoded    down to the last field of an ITS message.
-    btp        down to BTP only: tshark knows no such message.
-    malformed  anything in them that tshark cannot make sense of.
+    port       BTP port; 0 for frames without BTP header, such as beacons.
+    decoded    frames decoded down to the last field of an ITS message.
+    btp        frames decoded down to BTP only: tshark does not know the message.
+    malformed  frames with a part that tshark cannot decode.
     """
 
     port: int
@@ -29,7 +29,7 @@ class Dissected(NamedTuple):
 
 
 def dissect(path: Path) -> list[Dissected]:
-    """Rows by BTP port. Raises StationError when tshark is not there or cannot read the file."""
+    """Return the counts by BTP port. Raises StationError if tshark is missing or cannot read the file."""
     command = ["tshark", "-n", "-r", str(path), "-T", "fields", "-E", "occurrence=f"]
     for field in FIELDS:
         command += ["-e", field]

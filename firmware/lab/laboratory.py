@@ -1,4 +1,4 @@
-"""Two stations side by side, a user at each, and a recorder of every frame between them: the bench of the lab test."""
+"""Test bench: two stations, their users, a recorder of frames."""
 
 import json
 import socket
@@ -12,40 +12,41 @@ from typing import Literal, NamedTuple
 import zmq
 
 import firmware
-from board.errors import StationError
-from board.free_udp import free_udp
+from board.runtime.errors import StationError
+from board.runtime.free_udp import free_udp
+from firmware.client import client
+from firmware.client.received import Message, Pairing
 from firmware.lab import netns, radio
 from firmware.lab.broker import Broker
 from firmware.lab.pcap import Pcap
 from firmware.lab.program import Program
-from firmware.user import client
-from firmware.user.received import Message, Pairing
-from firmware.user.untrusted import named, number, text, within
+from firmware.untrusted import named, number, text, within
 
 Link = Literal["udp", "veth", "radio", "devices", "none"]
 
 HOST = "127.0.0.1"
 GEONETWORKING = 0x8947
-ETH_P_ALL = 3  # linux/if_ether.h: with the EtherType alone, what leaves is not seen
-CABLE = ("captain-a", "captain-b")  # the names of its ends
+ETH_P_ALL = 3  # all protocols, from linux/if_ether.h: with the EtherType alone, outgoing frames are not seen
+CABLE = ("captain-a", "captain-b")  # names of the cable's two ends
 UP_S = 15.0
-RECORD_BUFFER = 8 << 20  # octets
+RECORD_BUFFER = 8 << 20  # octets of the recorder's receive buffer
 
-# tshark decodes them down to BTP only: a MAPEM of 8 octets with protocolVersion 9, and, before Wireshark 4.4, a VAM.
+# Messages that tshark decodes down to BTP only: a MAPEM of 8 octets with protocolVersion 9, and a VAM before Wireshark
+# 4.4. They are (type, octets).
 BESIDE = (("mapem", 8), ("vam", 34))
 
 UDP = '[interfaces.air]\ndriver = "udp"\nframing = "ethernet"\nlisten = "{own}"\npeers = ["{recorder}", "{other}"]\n'
-# Linux takes nothing from an 802.11p neighbour that it does not know: of the first frame it only learns the address.
-# Beacons come first, so that this is none of the messages.
+# Linux drops the first frame of an unknown 802.11p neighbour and only learns its address. Beacons are sent first, so
+# that no message is dropped.
 ETHERNET = '[interfaces.air]\ndriver = "ethernet"\ndevice = "{device}"\nbeacon_s = 0.5\n'
 
 
 class Vector(NamedTuple):
-    """One of the messages of firmware/vectors.json."""
+    """Message of firmware/vectors.json."""
 
     type: str
     pdu: bytes
-    is_beside: bool  # beside the ten that the test counts for minutes
+    is_beside: bool  # it is not one of the ten messages that the test counts for minutes
 
     @property
     def name(self) -> str:
@@ -58,7 +59,7 @@ def vectors() -> list[Vector]:
 
 
 class Seat:
-    """A user's program at one station: an XPUB, which on the wire is a PUB, and a SUB."""
+    """User's program at one station: an XPUB socket, which sends like PUB, and a SUB socket."""
 
     def __init__(self, name: str, context: client.Context, place: client.Address, station: Program) -> None:
         self.name = name
@@ -71,8 +72,12 @@ class Seat:
         self._publisher.connect(place.url(place.from_users))
 
     def join(self) -> None:
-        """Wait for the word of both sockets that nothing sent from now on is lost. Raises StationError."""
-        # The station's subscription has come; then a heartbeat shows that ours has arrived there.
+        """Wait until both sockets are connected in both directions: from then on no message is lost.
+
+        Raises StationError if the station does not answer.
+        """
+        # First the station's subscription arrives; then a heartbeat shows that the station has the subscription of this
+        # program.
         patience_ms = round(client.ANSWER_S * 1000)
         if not self._publisher.poll(patience_ms) or not self.subscriber.poll(patience_ms):
             raise StationError(f"station {self.name} does not answer its user")
@@ -85,7 +90,7 @@ class Seat:
         self._publisher.send_multipart([b"v2x.", pdu])
 
     def receive(self) -> Iterator[Message]:
-        """What has arrived, both messages of each PDU joined."""
+        """Yield the messages that have arrived, each with its `raw.` message."""
         for frames in client.waiting(self.subscriber):
             message = self._pairing.feed(frames)
             if message is not None:
@@ -93,7 +98,7 @@ class Seat:
 
 
 class Recorder:
-    """A socket that sees every frame, and the capture file that it goes to."""
+    """Recorder of the bench: a socket that sees every frame, and a capture file."""
 
     def __init__(self, seeing: socket.socket, capture: Pcap | None) -> None:
         self.seeing = seeing
@@ -105,7 +110,7 @@ class Recorder:
         return self.seeing.fileno()
 
     def record(self) -> None:
-        """Write down what has come."""
+        """Write the frames that have arrived to the capture file."""
         while True:
             try:
                 frame = self.seeing.recv(65536)
@@ -115,15 +120,21 @@ class Recorder:
                 self._capture.write(frame, time.time_ns())
 
 
-class Device(NamedTuple):
-    """A network device in a namespace of `ip netns`."""
+class NamespaceDevice(NamedTuple):
+    """Network device in a namespace of `ip netns`."""
 
     namespace: str
     name: str
 
 
 class Bench(NamedTuple):
-    """Seats at A and B, the recorder between them, the radios where the air is theirs, control sockets of both."""
+    """Running bench.
+
+    seats     users' programs at stations A and B.
+    recorder  recorder of the frames between them.
+    radios    simulated radios of A and B; empty with another link.
+    controls  control sockets of A and B.
+    """
 
     seats: Sequence[Seat]
     recorder: Recorder
@@ -139,16 +150,18 @@ def bench(
     link: Link,
     loss: float,
     capture: Pcap | None,
-    devices: Sequence[Device] = (),
+    devices: Sequence[NamespaceDevice] = (),
     has_broker: bool = False,
     more: str = "",
 ) -> Iterator[Bench]:
-    """Start everything; users have joined and links are up. Raises StationError when anything is missing.
+    """Start stations, users and recorder; yield the bench once links are up and users have joined.
 
-    loss        share of messages that the radios' air loses.
-    devices     two that hear each other, with link `devices`.
-    has_broker  whether the stations are at a broker besides; not in namespaces of their own.
-    more        words for both radios (drivers/sim/radio/settings.h).
+    loss        share of messages lost on the air between simulated radios.
+    devices     two network devices that hear each other, for link `devices`.
+    has_broker  connect the stations to a broker as well; not possible in separate namespaces.
+    more        settings of both radios (drivers/sim/radio/settings.h).
+
+    Raises StationError if anything is missing or does not start.
     """
     with ExitStack() as ending:
         folder = Path(ending.enter_context(tempfile.TemporaryDirectory(prefix="captain-lab-")))
@@ -187,7 +200,7 @@ def bench(
                 ending.callback(child.stop)
                 child.wait_until_ready()
                 _wait_for_links(_control(folder, name), link)
-                # The threads of a context are made with its first socket, in the namespace of this moment.
+                # The context's threads start with its first socket, so they run in the namespace of that moment.
                 seats.append(Seat(name, ending.enter_context(client.session()), place, child))
         for seat in seats:
             seat.join()
@@ -197,7 +210,10 @@ def bench(
 
 
 def _seeing(device: str) -> socket.socket:
-    """A socket that sees what comes and goes by a network device of this namespace."""
+    """Return a socket that sees all frames of a network device in this namespace.
+
+    Raises StationError if it is missing.
+    """
     try:
         seeing = socket.socket(socket.AF_PACKET, socket.SOCK_RAW)
         seeing.bind((device, ETH_P_ALL))
@@ -216,7 +232,7 @@ def _station(name: str, board: str, place: client.Address, folder: Path, environ
 
 
 def _control(folder: Path, name: str) -> Path:
-    """The control socket of a station."""
+    """Return the path of a station's control socket."""
     return folder / f"{name}.sock"
 
 
@@ -233,19 +249,20 @@ def _wait_for_neighbour(control: Path) -> None:
 
 
 def _wait_for(control: Path, is_so: Callable[[str, Mapping[str, object]], bool], failure: str) -> None:
-    """Until it is so for each interface of a station."""
+    """Wait until a condition is true for each interface of a station. Raises StationError after UP_S."""
     deadline = time.monotonic() + UP_S
     while lacking := [one for one in named(client.station_status(control, UP_S), "interfaces") if not is_so(*one)]:
         if time.monotonic() > deadline:
             name, one = lacking[0]
             raise StationError(f"{failure}: {name}: {text(one, 'why')}")
-        time.sleep(0.02)  # this is a command's own process, no station's loop
+        time.sleep(0.02)  # this waits in the command's own process, not in a station's loop
 
 
 def _port(ending: ExitStack) -> int:
-    """A port that nobody else is given until the end.
+    """Return a TCP port that stays reserved until `ending` closes.
 
-    Bound without SO_REUSEADDR, nobody else can bind it; with it from then on, a station can: it listens, we do not.
+    It is bound without SO_REUSEADDR, so that no other program gets it. The option is set afterwards, so that a station
+    can still bind and listen.
     """
     holder = ending.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
     holder.bind((HOST, 0))

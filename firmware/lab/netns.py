@@ -1,4 +1,4 @@
-"""Network namespaces: two joined by a virtual Ethernet cable, made without root where allowed; or named ones."""
+"""Network namespaces: two new ones joined by a virtual cable, or existing ones."""
 
 import ctypes
 import os
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from board.errors import StationError
+from board.runtime.errors import StationError
 
 CLONE_NEWUSER = 0x10000000  # unshare(2)
 CLONE_NEWNET = 0x40000000
@@ -19,14 +19,17 @@ _libc = ctypes.CDLL(None, use_errno=True)
 
 
 class Namespace:
-    """A network namespace by its path; unless that is given, the one that the calling thread was in at this moment."""
+    """Network namespace, given by its path; by default the present one of the calling thread."""
 
     def __init__(self, path: Path = HERE) -> None:
         self._descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
 
     @contextmanager
     def inside(self) -> Iterator[None]:
-        """Sockets, threads and children made meanwhile belong to it, and stay in it."""
+        """Enter the namespace for the duration of the context. Sockets, threads and children created there stay in it.
+
+        Raises StationError if the kernel refuses to enter or to leave.
+        """
         before = Namespace()
         self._enter()
         try:
@@ -44,7 +47,7 @@ class Namespace:
 
 
 def named(name: str) -> Namespace:
-    """A namespace of `ip netns`. Raises StationError when there is none of that name, or it is not ours to enter."""
+    """Return a namespace of `ip netns`. Raises StationError if it does not exist or may not be entered."""
     try:
         return Namespace(NAMED / name)
     except OSError as error:
@@ -52,16 +55,18 @@ def named(name: str) -> Namespace:
 
 
 def cable(first: str, second: str) -> tuple[Namespace, Namespace]:
-    """Two new namespaces, each with its loopback up and one end of a cable: network devices of these names.
+    """Return two new namespaces, each with its loopback up and one end of a virtual cable.
 
-    The calling process is left in the first; as a plain user it is root of a new user namespace from then on.
-    Raises StationError when the kernel does not allow it.
+    first, second  names of the two network devices.
+
+    The calling process ends up in the first namespace; as a plain user it becomes root of a new user namespace. Raises
+    StationError if the kernel does not permit it.
     """
     _leave_for_new_network(as_user=os.geteuid() != 0)
     here = Namespace()
     _leave_for_new_network(as_user=False)
     there = Namespace()
-    # `ip` takes the far namespace as the number of a process in it: this one does nothing else.
+    # `ip` takes the other namespace as the id of a process in it; `cat` only serves as that process.
     with subprocess.Popen(["cat"], stdin=subprocess.PIPE) as placeholder:
         with here.inside():
             _ip("link", "add", first, "type", "veth", "peer", "name", second, "netns", str(placeholder.pid))
@@ -79,7 +84,7 @@ def _leave_for_new_network(as_user: bool) -> None:
     if _libc.unshare(CLONE_NEWNET | (CLONE_NEWUSER if as_user else 0)):
         raise _failure("make a network namespace")
     if as_user:
-        # user_namespaces(7): a group map needs setgroups to be given up first.
+        # user_namespaces(7): before writing a group map, setgroups must be denied.
         for name, text in (("setgroups", "deny"), ("uid_map", f"0 {user} 1"), ("gid_map", f"0 {group} 1")):
             Path("/proc/self", name).write_text(text)
 

@@ -1,12 +1,12 @@
-"""Ethernet frames to a file that tshark and Wireshark read."""
+"""Writer of Ethernet frames to a file for tshark and Wireshark."""
 
 from pathlib import Path
 
-from firmware.codec import capture
+from firmware.recordings import capture
 
 
 class Pcap:
-    """A capture file; directories that are missing are made."""
+    """Capture file; missing folders are created."""
 
     def __init__(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -15,7 +15,7 @@ class Pcap:
         self._file.write(capture.header())
 
     def write(self, frame: bytes, when_ns: int) -> None:
-        """Add one frame, destination address first; when_ns is Unix time."""
+        """Add one frame, which begins with the destination address; when_ns: Unix time in nanoseconds."""
         self._file.write(capture.record(frame, when_ns))
         self.frames += 1
 

@@ -1,4 +1,4 @@
-"""Another process of the same program: started, ready, stopped by its id, and never left behind."""
+"""Child process of this program: starts it, waits until it is ready, stops it."""
 
 import contextlib
 import os
@@ -12,21 +12,21 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import firmware
-from board.child import die_with_parent, program
-from board.errors import StationError
+from board.runtime.child import die_with_parent, program
+from board.runtime.errors import StationError
 
 READY_S = 30.0  # a station is ready after 0.2 s; a machine that swaps or is emulated takes longer
-STOP_S = 3.0  # a station drains within 1 s
+STOP_S = 3.0  # seconds until a child is killed; a station drains within 1 s
 LAST_LINES = 20
 
 
 class Program:
-    """A process with a session of its own, so that a terminal's Ctrl-C reaches only its parent.
+    """Child process in a session of its own, so that Ctrl-C on a terminal reaches only its parent.
 
-    name         that it has in messages.
-    arguments    of the command line.
-    given        what it reads from standard input.
-    environment  that it gets beside ours.
+    name         name in messages.
+    arguments    command line without the program.
+    given        octets for its standard input.
+    environment  additional environment variables.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class Program:
         self.name = name
         self._lines: deque[str] = deque(maxlen=LAST_LINES)
         self._notices = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self._notices.bind("")  # an abstract address that the kernel chooses (unix(7)): no file is left behind
+        self._notices.bind("")  # the kernel chooses an abstract address (unix(7)), which leaves no file behind
         path = os.pathsep.join(filter(None, (str(Path(firmware.__file__).parents[1]), os.environ.get("PYTHONPATH"))))
         address = "@" + os.fsdecode(self._notices.getsockname()[1:])
         self._process = subprocess.Popen(
@@ -59,11 +59,14 @@ class Program:
         return self._process.pid
 
     def fileno(self) -> int:
-        """Readable when it has said something, or has ended: then check() tells."""
+        """Return a descriptor that is readable when the process has written something or ended; call check() then."""
         return self._said.fileno()
 
     def wait_until_ready(self, timeout: float = READY_S) -> None:
-        """Wait for READY=1 of sd_notify(3). Raises StationError with its last lines when it ends before."""
+        """Wait for READY=1 of sd_notify(3).
+
+        Raises StationError with the last lines if the process ends before or takes too long.
+        """
         deadline = time.monotonic() + timeout
         with selectors.DefaultSelector() as selector:
             selector.register(self._notices, selectors.EVENT_READ)
@@ -77,7 +80,7 @@ class Program:
         raise StationError(f"{self.name} was not ready after {timeout:g} s: {self._last()}")
 
     def check(self) -> None:
-        """Take what it said. Raises StationError when it has ended."""
+        """Read the lines that the process has written. Raises StationError if it has ended."""
         while True:
             part = self._said.read(1 << 16)
             if part is None:
@@ -89,7 +92,7 @@ class Program:
         raise StationError(f"{self.name} ended with {code}: {self._last()}")
 
     def stop(self) -> None:
-        """End it, with force if it does not listen; idempotent."""
+        """Stop the process; kill it if it does not end within STOP_S. Repeated calls are harmless."""
         end(self._process)
         self._said.close()
         self._notices.close()
@@ -99,7 +102,7 @@ class Program:
 
 
 def end(process: "subprocess.Popen[bytes]") -> None:
-    """End a child, with force if it does not listen; idempotent."""
+    """Stop a child; kill it if it does not end within STOP_S. Repeated calls are harmless."""
     if process.poll() is not None:
         return
     process.terminate()
@@ -111,7 +114,10 @@ def end(process: "subprocess.Popen[bytes]") -> None:
 
 
 def _die_with(parent: int) -> Callable[[], None]:
-    """What the child does before it becomes the program: ask for SIGTERM when its parent is gone."""
+    """Return a function that a child calls before it starts its program.
+
+    It requests SIGTERM for the moment when the parent ends.
+    """
 
     die = die_with_parent(signal.SIGTERM)
 

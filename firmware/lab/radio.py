@@ -1,17 +1,17 @@
-"""The simulated radios of two stations: each hears the other, and the recorder hears both."""
+"""Simulated radios of two stations: each hears the other, the recorder hears both."""
 
 from collections.abc import Mapping
 
-from board.address import Address
-from board.free_udp import free_udp
-from drivers.sim.radio import VARIABLE, Control, library_path
-from firmware.user.untrusted import listed, text
+from board.runtime.address import Address
+from board.runtime.free_udp import free_udp
+from drivers.sim.radio.control import VARIABLE, Control, library_path
+from firmware.untrusted import listed, text
 
 BOARD = '[interfaces.air]\ndriver = "som301e"\nlibrary = "{library}"\n'
 
 
 class Radio:
-    """One station's: its board file, what its environment has to say, and what its air has lost."""
+    """Simulated radio of one station: its board file, environment variables and lost messages."""
 
     def __init__(self, own: Address, control: Address, peers: str, loss: float, number: int, more: str) -> None:
         self.board = BOARD.format(library=library_path())
@@ -21,19 +21,22 @@ class Radio:
         self._control = Control(control)
 
     def say(self, words: str) -> None:
-        """Change settings (drivers/sim/radio/settings.h); they hold when this returns."""
+        """Change settings of the radio (drivers/sim/radio/settings.h); they are in effect on return."""
         self._control.ask(words)
 
     def lost(self) -> int:
-        """Messages that the air took from this one, and those that were too weak."""
+        """Return the number of this station's messages that the air lost or that were too weak."""
         counters = self._control.ask()
         return counters["lost"] + counters["faded"]
 
 
 def pair(host: str, recorder: int, loss: float, more: str = "") -> list[Radio]:
-    """Two of them; more are words for both. Raises StationError where the library is not built.
+    """Return the simulated radios of two stations.
 
-    The recorder hears each message before the other radio: what a station has received is in the capture.
+    more  settings of both.
+
+    The recorder hears each message before the other radio: every message that a station receives is in the capture.
+    Raises StationError if the library is not built.
     """
     heard_by = Address(host, recorder)
     a, b, *controls = free_udp(host, 4)
@@ -44,6 +47,6 @@ def pair(host: str, recorder: int, loss: float, more: str = "") -> list[Radio]:
 
 
 def is_complete(details: Mapping[str, object]) -> bool:
-    """Whether each caster that status shows works: the link is up from the first on."""
+    """Whether the status shows all casters working; the link itself is up after the first one."""
     casters = listed(details, "casters")
     return bool(casters) and all(text(row, way) == "up" for row in casters for way in ("rx", "tx"))

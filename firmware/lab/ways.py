@@ -1,24 +1,24 @@
-"""By which way the messages came that two stations have exchanged by more than one."""
+"""Counts by interface of messages that two stations exchanged over several interfaces."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from firmware.user import client
-from firmware.user.table import Table
-from firmware.user.untrusted import listed, number, within
+from firmware.client import client
+from firmware.client.show.table import Table
+from firmware.untrusted import listed, number, within
 
-PATIENCE_S = 5.0  # a window of 2 s passes until it is known what one way alone has brought
+PATIENCE_S = 5.0  # a window of 2 s must pass until messages of one interface alone are counted
 LOOK_S = 0.1
 
 
 class Way(NamedTuple):
-    """One interface of one station.
+    """Counts of one interface of one station.
 
-    first    messages that it was the first to bring, of those that another has brought too.
-    lead_ms  by how much, on average.
-    alone    messages that no other has brought.
+    first    messages that this interface delivered first and another one later.
+    lead_ms  mean lead over the other interface in ms.
+    alone    messages that only this interface delivered.
     """
 
     station: str
@@ -29,14 +29,17 @@ class Way(NamedTuple):
 
 
 def ways(station: str, control: Path, delivered: int) -> list[Way]:
-    """Those of a station that has delivered so many messages, as soon as all are known to be paired or alone."""
+    """Return the counts of a station by interface.
+
+    Waits until all delivered messages are classified as paired or alone, at most PATIENCE_S.
+    """
     deadline = time.monotonic() + PATIENCE_S
     while True:
         status = client.station_status(control)
         found = list(_ways(station, status))
         if sum(way.first + way.alone for way in found) >= delivered or time.monotonic() > deadline:
             return found
-        time.sleep(LOOK_S)  # this is a command's own process, no station's loop
+        time.sleep(LOOK_S)  # this waits in the command's own process, not in a station's loop
 
 
 def _ways(station: str, status: Mapping[str, object]) -> Iterator[Way]:

@@ -1,1 +1,4 @@
-"""The link meter: what became of each message between stations, matched by what stations say of it themselves."""
+"""Link meter: matches reports of stations to determine the fate of each message.
+
+Commands: meter.
+"""

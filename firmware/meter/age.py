@@ -1,10 +1,10 @@
-"""How old what a receiver knows is: age of information, and the gaps between receptions."""
+"""Age of information, and gaps between receptions."""
 
 from firmware.meter.sample import Sample
 
 
 class Gaps:
-    """Times between one reception and the next, in seconds."""
+    """Times between consecutive receptions, in seconds."""
 
     __slots__ = ("gaps", "last_ns")
 
@@ -13,7 +13,11 @@ class Gaps:
         self.last_ns: int | None = None
 
     def add(self, received_ns: int) -> float | None:
-        """A reception, by the receiver's clock. Returns its gap; None of the first one, and of one told of too late."""
+        """Add a reception; received_ns: Unix time in nanoseconds by the receiver's clock.
+
+        Returns the gap since the previous reception in seconds; None for the first one, and for one reported out of
+        order.
+        """
         gap_s = None
         if self.last_ns is not None:
             if received_ns < self.last_ns:
@@ -25,11 +29,11 @@ class Gaps:
 
 
 class Age:
-    """Age of information of one source: now less when the freshest that was received was made.
+    """Age of information of one source: the time since the freshest received message was generated.
 
-    It grows second by second, and falls with each fresher message to what that one was under way. Its mean is that
-    over time; a peak is what it had come to when it fell (Yates et al., Age of Information: An Introduction and
-    Survey, IEEE JSAC 39/5, 2021).
+    The age grows with time. Each fresher message reduces it to that message's own delay. The mean is over time; a peak
+    is the age just before such a reduction (Yates et al., Age of Information: An Introduction and Survey, IEEE JSAC
+    39/5, 2021).
     """
 
     __slots__ = ("_area_s2", "_freshest_ns", "_since_ns", "_until_ns", "peaks")
@@ -41,7 +45,7 @@ class Age:
         self._since_ns = self._until_ns = 0
 
     def add(self, received_ns: int, delay_ns: int) -> None:
-        """A reception, by the receiver's clock, of what was made so long before."""
+        """Add a message received at a time of the receiver's clock and generated delay_ns earlier."""
         made_ns = received_ns - delay_ns
         if self._freshest_ns is None:
             self._freshest_ns = made_ns
@@ -55,7 +59,10 @@ class Age:
         self._freshest_ns, self._until_ns = made_ns, received_ns
 
     def mean_s(self, open_s: float = 0.0) -> float | None:
-        """Over the time from the first reception to so long after the last; None where that is none."""
+        """Return the mean age in seconds; None if no time has passed.
+
+        open_s  seconds after the last reception that are included.
+        """
         elapsed_s = (self._until_ns - self._since_ns) / 1e9 + open_s
         age_s = self.last_s
         if elapsed_s <= 0 or age_s is None:
@@ -64,5 +71,5 @@ class Age:
 
     @property
     def last_s(self) -> float | None:
-        """At the last reception of something fresher."""
+        """Age in seconds at the last reception of a fresher message; None before the first."""
         return None if self._freshest_ns is None else (self._until_ns - self._freshest_ns) / 1e9

@@ -1,28 +1,31 @@
-"""How long a message was under way, only as well as the clocks of both ends know it."""
+"""Delay of a message, with the accuracy of both clocks."""
 
-from firmware.meter.event import Clock, Received, Sent
-from firmware.report import NEAR_S
+from firmware.endpoint.report import NEAR_S
+from firmware.meter.event import Clock, ReceivedEvent, Sent
 from pps.delay import Delay
 
-# A stamp of what left is made of two clocks that were read one after the other.
+# Time stamps of a sent message combine two clocks that are read one after the other; this is their uncertainty.
 READING_NS = round(NEAR_S * 1e9)
 
 
-def link(sent: Sent, received: Received) -> Delay | None:
-    """From leaving one station to arriving at the other; None where clocks do not tell.
+def link(sent: Sent, received: ReceivedEvent) -> Delay | None:
+    """Return the delay from leaving one station to arriving at the other; None if the clocks' accuracy is unknown.
 
-    It left between being handed to the driver and the driver's word that it had: half of that is part of what is not
-    known.
+    The message left at some time between its transfer to the driver and the driver's confirmation. Half of that
+    interval is added to the uncertainty.
     """
     return _between(sent.handed_ns, sent.handed_ns + sent.send_ns, sent.clock, received)
 
 
-def one_way(sent: Sent, received: Received) -> Delay | None:
-    """From being accepted by one station to arriving at the other."""
+def one_way(sent: Sent, received: ReceivedEvent) -> Delay | None:
+    """Return the delay from acceptance by one station to arrival at the other.
+
+    Returns None if the clocks' accuracy is unknown.
+    """
     return _between(sent.accepted_ns, sent.accepted_ns, sent.clock, received)
 
 
-def _between(earliest_ns: int, latest_ns: int, clock: Clock, received: Received) -> Delay | None:
+def _between(earliest_ns: int, latest_ns: int, clock: Clock, received: ReceivedEvent) -> Delay | None:
     doubt = between_clocks(clock, received.clock)
     if doubt is None:
         return None
@@ -31,9 +34,9 @@ def _between(earliest_ns: int, latest_ns: int, clock: Clock, received: Received)
 
 
 def between_clocks(sender: Clock, receiver: Clock) -> Delay | None:
-    """What has to be added to the difference of two stamps, and how well that is known; None where nobody knows it.
+    """Return the correction for the difference of two stamps, and its uncertainty; None if it is unknown.
 
-    Bounds are added: pps.delay.one_way says why.
+    Uncertainties are added, not combined as squares: see pps.delay.one_way.
     """
     if sender.boot and sender.boot == receiver.boot:
         return Delay(0, READING_NS)

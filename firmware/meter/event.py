@@ -1,18 +1,19 @@
-"""What stations say of one message: that it left by an interface, that it came by one, or that nobody heard what."""
+"""Events of one message: sent by an interface, received by one, or not sent."""
 
 from typing import NamedTuple
 
-from firmware.report import digest_of
+from firmware.endpoint.report import digest_of
 
-# "PROB" in ASCII, the stationID of the meter's own messages: no station has it but by chance of one in four milliards.
+# "PROB" in ASCII: stationID of the meter's own messages. A station has it by chance with a probability of 2**-32.
 PROBES = 0x50524F42
 
 
 class Clock(NamedTuple):
-    """Whose clock a stamp is of, and how good it was then.
+    """Clock of a time stamp, and its accuracy at that time.
 
-    boot            of the machine: stamps of one boot are of one clock. Empty where nobody says it.
-    offset_ns       true time less the stamp, +- uncertainty_ns; None where that is not known.
+    boot            boot id of the machine: stamps with the same boot id are of one clock. Empty if unknown.
+    offset_ns       true time minus stamp; None if unknown.
+    uncertainty_ns  uncertainty of offset_ns; None if unknown.
     """
 
     boot: str = ""
@@ -24,7 +25,13 @@ NO_CLOCK = Clock()
 
 
 class What(NamedTuple):
-    """A PDU, without its octets."""
+    """Identification of a PDU without its octets.
+
+    digest      digest of the octets.
+    type        type name in the envelope.
+    station_id  stationID; None if the PDU is too short.
+    octets      length.
+    """
 
     digest: str
     type: str
@@ -35,10 +42,12 @@ class What(NamedTuple):
 class Sent(NamedTuple):
     """A PDU that left a station by an interface.
 
-    accepted_ns  Unix time by the station's clock, when it took it from its user; queue_ns later its driver had it,
-                 send_ns after that it had left.
-    at_s         the same moment on the one time line of all stations that is metered: no exact one.
-    is_probe     it is one of this meter's own.
+    accepted_ns  Unix time by the station's clock at which the station accepted it from its user.
+    queue_ns     time from then until its driver had it.
+    send_ns      time from then until it had left.
+    clock        clock of these stamps.
+    at_s         approximate time of the report on the meter's time line, which all stations share.
+    is_probe     the meter itself has sent it.
     """
 
     station: str
@@ -56,8 +65,11 @@ class Sent(NamedTuple):
         return self.accepted_ns + self.queue_ns
 
 
-class Received(NamedTuple):
-    """A PDU that came to a station by an interface; at_s as of Sent."""
+class ReceivedEvent(NamedTuple):
+    """A PDU that arrived at a station by an interface.
+
+    received_ns is Unix time by the station's clock, at_s is as in Sent.
+    """
 
     station: str
     interface: str

@@ -1,13 +1,13 @@
-"""What became of a message on its way between two interfaces."""
+"""Fate of a message between two interfaces."""
 
 from enum import Enum
 from typing import NamedTuple
 
-from firmware.meter.event import Received, Sent
+from firmware.meter.event import ReceivedEvent, Sent
 
 
 class Way(NamedTuple):
-    """From an interface of one station to an interface of another, or of the same: a round trip."""
+    """Direction from an interface of one station to one of another, or of the same for a round trip."""
 
     sender: str
     out: str
@@ -24,29 +24,31 @@ class Way(NamedTuple):
 
 
 class Fate(Enum):
-    """Of what was sent, or of what was received."""
+    """Fate of a sent or received message."""
 
     ARRIVED = "arrived"
     LOST = "lost"
-    LATE = "late"  # it arrived, and was under way for longer than the grace
-    UNSEEN = "unseen"  # it did not arrive as far as the meter has heard, and the meter has not heard all
-    DUPLICATE = "duplicate"  # received once more than it was sent
-    STRANGE = "strange"  # received, and not sent on this way as far as the meter has heard
+    LATE = "late"  # arrived after a delay longer than the grace time
+    UNSEEN = "unseen"  # no reception was reported to the meter, but the meter has missed reports
+    DUPLICATE = "duplicate"  # received more often than it was sent
+    STRANGE = "strange"  # received, but the meter has no report that it was sent in this direction
 
 
 class Settled(NamedTuple):
-    """A fate, and what it was taken for until now, where a late word corrects that.
+    """Fate of a message in one direction; `was`: its earlier fate, if a late report corrects it.
 
-    copy          of its PDU on this way, from 0 on: the k-th by one way is the k-th by another.
-    is_reordered  something that was sent later arrived earlier (RFC 4737 clause 3.3); not told of repeats.
-    is_unheard    it was sent in a span of which not all was heard: what is known of such ones is no fair share.
-    is_repeat     several copies of its PDU may have been under way: which of them it was is a guess, its delay unknown.
+    copy          number of this copy of its PDU in this direction, from 0. Copies with equal numbers in other
+                  directions belong to the same sending.
+    is_reordered  a message sent later arrived earlier (RFC 4737 clause 3.3); never set for repeats.
+    is_repeat     several copies of its PDU may have been under way, so that the matched copy is a guess and its delay
+                  is unknown.
+    is_unheard    it was sent in a span with missed reports; such messages do not count in the share of losses.
     """
 
     way: Way
     fate: Fate
     sent: Sent | None
-    received: Received | None
+    received: ReceivedEvent | None
     copy: int = 0
     is_reordered: bool = False
     is_repeat: bool = False

@@ -1,4 +1,4 @@
-"""What is counted and measured of messages: of one way, of one type of one station on it, or of all together."""
+"""Counts and measures of messages: for a direction, a row or all."""
 
 import math
 from collections import Counter
@@ -10,17 +10,24 @@ from firmware.meter.delay import link, one_way
 from firmware.meter.fate import Fate, Settled, Way
 from firmware.meter.sample import MOST, Sample
 
-MOST_OF_ROW = 2048  # numbers kept of each measure of a row
+MOST_OF_ROW = 2048  # numbers kept for each measure of a row
 MOST_ROWS = 256
 OTHERS = "(others)"
 
 
 class Figures:
-    """Takes fates one after the other.
+    """Counts and measures, computed from fates.
 
-    counts     of each fate, corrected by what was heard late.
-    one_way_us  from accepted to received; link_us: from gone to received; one_way_doubt_us, doubt_us: how well these
-               are known; queue_us and send_us: before it left, and while it did.
+    counts            messages by fate, corrected by late reports.
+    octets            octets of all sent messages.
+    reordered         messages that arrived after a later one.
+    repeats           messages of which several copies may have been under way.
+    one_way_us        delay from acceptance to reception.
+    one_way_doubt_us  uncertainty of one_way_us.
+    link_us           delay from departure to reception.
+    doubt_us          uncertainty of link_us.
+    queue_us          time in the queue before departure.
+    send_us           time that sending took.
     """
 
     def __init__(self, most: int = MOST) -> None:
@@ -35,11 +42,12 @@ class Figures:
         self.rssi_dbm = Sample(most)
         self.gaps = Gaps(most)
         self.age = Age(most)
-        self._sent_s = self._came_s = -math.inf  # when the last was sent, and the last of those that came
+        # Times at which the last message was sent, and at which the last one arrived.
+        self._sent_s = self._came_s = -math.inf
 
     @property
     def open_s(self) -> float:
-        """How long, at the end, messages were sent and nothing came: a gap that nothing has ended."""
+        """Seconds at the end in which messages were sent but none arrived: a gap that no reception has ended."""
         return max(0.0, self._sent_s - self._came_s) if math.isfinite(self._came_s) else 0.0
 
     @property
@@ -48,17 +56,17 @@ class Figures:
 
     @property
     def arrived(self) -> int:
-        """In time or late."""
+        """Number of messages that arrived, in time or late."""
         return self.counts[Fate.ARRIVED] + self.counts[Fate.LATE]
 
     @property
     def lost(self) -> int:
-        """And not received until now."""
+        """Number of messages that have not arrived so far."""
         return self.counts[Fate.LOST]
 
     @property
     def loss(self) -> float | None:
-        """Share of those that were sent while all was heard; None of nothing."""
+        """Share of lost messages among those sent while all reports were received; None without such messages."""
         return self._known_lost / self._known if self._known else None
 
     def add(self, one: Settled) -> None:
@@ -95,7 +103,7 @@ class Figures:
 
 
 class Key(NamedTuple):
-    """Whose messages, of what kind, on which way."""
+    """Direction, type and station of a row."""
 
     way: Way
     type: str
@@ -103,7 +111,7 @@ class Key(NamedTuple):
 
 
 class Rows:
-    """Figures by way, type and station, of the first that were heard of; all others are in one row of their way."""
+    """Figures by direction, type and station. Beyond the limit of rows, all others of a direction share one row."""
 
     def __init__(self, most: int = MOST_ROWS) -> None:
         self._most = most

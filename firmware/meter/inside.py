@@ -1,24 +1,24 @@
-"""What a station alone shows: how long messages wait and take to leave, what it hears, and how long users wait."""
+"""Measures inside a single station: queue, sending, reception, delivery to users."""
 
 from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
 
 from firmware.meter.age import Gaps
-from firmware.meter.event import Received, Sent
+from firmware.meter.event import ReceivedEvent, Sent
 from firmware.meter.figures import MOST_OF_ROW, MOST_ROWS, OTHERS
 from firmware.meter.sample import Sample
 
 
 class Port(NamedTuple):
-    """An interface of a station."""
+    """Interface of a station."""
 
     station: str
     interface: str
 
 
 class Leaving:
-    """What an interface sent, and what it or the station did not: counted by reason."""
+    """Messages that an interface sent, and those not sent by reason."""
 
     def __init__(self) -> None:
         self.sent = 0
@@ -26,8 +26,8 @@ class Leaving:
         self.queue_us, self.send_us = Sample(), Sample()
 
 
-class Source(NamedTuple):
-    """Whose messages an interface hears, and of which type."""
+class MeteredSource(NamedTuple):
+    """Interface of a station with one source that it receives: type and stationID."""
 
     station: str
     interface: str
@@ -36,7 +36,7 @@ class Source(NamedTuple):
 
 
 class Hearing:
-    """What an interface heard of one source."""
+    """Receptions of one source by an interface."""
 
     def __init__(self) -> None:
         self.received = 0
@@ -45,7 +45,11 @@ class Hearing:
 
 
 class Delivery:
-    """What a station gave to its users on 5556: up_us from the reception to here, by one clock."""
+    """Messages that a station delivered to its users on port 5556.
+
+    types  count by type.
+    up_us  time from reception to arrival at the meter, by one clock.
+    """
 
     def __init__(self) -> None:
         self.types: Counter[str] = Counter()
@@ -53,12 +57,13 @@ class Delivery:
 
 
 class Inside:
-    """All stations, each by itself."""
+    """Measures inside of each station."""
 
     def __init__(self) -> None:
         self.leaving: dict[Port, Leaving] = {}
         self.delivered: dict[str, Delivery] = {}
-        self._hearing: dict[Source, Hearing] = {}  # of the first; others are together in one of their interface
+        # Receptions by source; beyond MOST_ROWS, other sources of an interface share one entry.
+        self._hearing: dict[MeteredSource, Hearing] = {}
 
     def sent(self, event: Sent) -> None:
         one = self.leaving.setdefault(Port(event.station, event.interface), Leaving())
@@ -70,13 +75,13 @@ class Inside:
         self.leaving.setdefault(Port(station, interface), Leaving()).not_sent[reason] += 1
 
     def told(self, station: str) -> int:
-        """Of how many messages it is known what a station did with them; each interface counts."""
+        """Return the number of messages whose outcome a station has reported, counted at each interface."""
         return sum(one.sent + one.not_sent.total() for port, one in self.leaving.items() if port.station == station)
 
-    def received(self, event: Received) -> None:
-        key = Source(event.station, event.interface, event.what.type, event.what.station_id)
+    def received(self, event: ReceivedEvent) -> None:
+        key = MeteredSource(event.station, event.interface, event.what.type, event.what.station_id)
         if key not in self._hearing and len(self._hearing) >= MOST_ROWS:
-            key = Source(event.station, event.interface, OTHERS, None)
+            key = MeteredSource(event.station, event.interface, OTHERS, None)
         hearing = self._hearing.get(key)
         if hearing is None:
             hearing = self._hearing[key] = Hearing()
@@ -86,11 +91,15 @@ class Inside:
             hearing.rssi_dbm.add(event.rssi_dbm)
 
     def to_user(self, station: str, kind: str, received_ns: int | None, delivered_ns: int | None) -> None:
-        """A PDU on 5556; delivered_ns: by the clock that received_ns is of, None where the meter has another one."""
+        """Count a PDU received on port 5556.
+
+        received_ns   time of its reception by the station's clock; None if unknown.
+        delivered_ns  time of its arrival here by the same clock; None if the meter has another clock.
+        """
         one = self.delivered.setdefault(station, Delivery())
         one.types[kind] += 1
         if received_ns and delivered_ns is not None:
             one.up_us.add((delivered_ns - received_ns) / 1000)
 
-    def hearing(self) -> Iterator[tuple[Source, Hearing]]:
+    def hearing(self) -> Iterator[tuple[MeteredSource, Hearing]]:
         yield from sorted(self._hearing.items(), key=lambda item: (*item[0][:3], item[0].station_id or 0))

@@ -1,8 +1,8 @@
-"""What was sent and what was received, matched by digest: the fate of each message on one way between two interfaces.
+"""Matching of sent and received messages by digest, between two interfaces.
 
-Nothing is judged before the grace is over: what stations say comes by connections of their own, in no order between
-them, and a message may be late. What was received waits so long for the word that it was sent; then it is matched.
-What was sent waits as long again. A word that comes later still corrects what was said before.
+No message is judged before the grace time is over. The reason: messages may be late, and reports of stations come by
+different connections in any order. A reception waits for the report of its sending, then it is matched. A sent message
+waits as long again. A later report still corrects the result.
 """
 
 import math
@@ -12,17 +12,18 @@ from collections.abc import Sequence
 from typing import Generic, TypeVar
 
 from firmware.meter.delay import link as link_delay
-from firmware.meter.event import Received, Sent
+from firmware.meter.event import ReceivedEvent, Sent
 from firmware.meter.fate import Fate, Settled, Way
 
 GRACE_S = 2.0
-# PDUs that are remembered after their fate is known, to tell what comes again from what was never sent: a minute of a
-# channel that is full. 0.2 kB each.
+# PDUs remembered after their fate is known, to distinguish duplicates from messages that were never sent. The limit is
+# a minute of a full channel, with 0.2 kB each.
 REMEMBERED = 131_072
-# For so long a late word finds what it is about: of a station that was silent, or a message that a broker has kept.
+# A late report is still matched within this time, for example of a station that was silent or a message that a broker
+# kept.
 LATEST_S = 60.0
 MOST_STRAYS = 16_384
-# A process may be put aside between reading one clock and the other: a stamp of its is then off by as much.
+# A process may be suspended between its readings of two clocks, which makes a stamp wrong by this much.
 SLACK_NS = 5_000_000
 LONE_SLACK_NS = 1_000_000_000
 
@@ -35,11 +36,11 @@ class _Out:
         self.number = number
         self.copy = copy
         self.has_arrived = self.is_unheard = False
-        self.fate = Fate.LOST  # what it was taken for, once it was
+        self.fate = Fate.LOST  # the fate reported for it
 
 
 class _Unheard:
-    """A span in which the meter did not hear so many reports of the receiver."""
+    """Span in which the meter missed `count` reports of the receiver."""
 
     __slots__ = ("count", "since_s", "until_s")
 
@@ -50,10 +51,11 @@ class _Unheard:
 
 
 class Matching:
-    """One way. Sent events come in the order in which they left.
+    """Matching for one direction. Sent events are given in the order in which messages left.
 
-    grace_s  how long one end's word is waited for after the other's.
-    since_s  from when on the sender is heard: of what is sent again and again, copies may have been under way then.
+    grace_s  seconds to wait for the report of one end after that of the other.
+    since_s  time from which the sender's reports are received. Copies of a repeatedly sent PDU may have been under way
+             then.
     """
 
     def __init__(self, way: Way, grace_s: float = GRACE_S, remembered: int = REMEMBERED) -> None:
@@ -62,18 +64,19 @@ class Matching:
         self.since_s = -math.inf
         self._remembered = remembered
         self._outs: deque[_Out] = deque()
-        self._ins: list[Received] = []  # by when they came: a station may tell of what is urgent first
-        self._open: dict[str, list[_Out]] = {}  # that have not arrived, in their order
-        self._copies: OrderedDict[str, int] = OrderedDict()  # sent of each PDU
-        self._waiting: dict[str, list[Received]] = {}  # those of _ins, by PDU
-        self._guessed: OrderedDict[str, float] = OrderedDict()  # PDUs of which one copy was taken for another, and when
+        self._ins: list[ReceivedEvent] = []  # by time of arrival: a station may report urgent messages first
+        self._open: dict[str, list[_Out]] = {}  # not arrived yet, in order of sending
+        self._copies: OrderedDict[str, int] = OrderedDict()  # number of copies sent of each PDU
+        self._waiting: dict[str, list[ReceivedEvent]] = {}  # the events of _ins by digest
+        # PDUs of which the matched copy is a guess, with the time of the last guess
+        self._guessed: OrderedDict[str, float] = OrderedDict()
         self._missing = _Late[_Out]()
-        self._strays = _Late[Received]()
+        self._strays = _Late[ReceivedEvent]()
         self._corrected: list[Settled] = []
         self._unheard: deque[_Unheard] = deque()
         self._silences: deque[tuple[float, float]] = deque()
         self._numbers = 0
-        self._highest = -1  # number of the last sent of those that arrived
+        self._highest = -1  # number of the latest sent message among those that arrived
 
     def sent(self, event: Sent) -> None:
         digest = event.what.digest
@@ -85,7 +88,7 @@ class Matching:
             self._copies.popitem(last=False)
         out = _Out(event, self._numbers, copy)
         self._numbers += 1
-        for stray in self._strays.of(digest):  # its station was silent, and it was received long ago
+        for stray in self._strays.of(digest):  # its station was silent; the reception was reported earlier
             if _plausible([out], stray):
                 self._strays.take(digest, stray)
                 fate = self._fate(event, stray, is_repeat=False)
@@ -94,22 +97,25 @@ class Matching:
         self._outs.append(out)
         self._open.setdefault(digest, []).append(out)
 
-    def received(self, event: Received) -> None:
+    def received(self, event: ReceivedEvent) -> None:
         insort(self._ins, event, key=_when)
         insort(self._waiting.setdefault(event.what.digest, []), event, key=_when)
 
     def unheard(self, count: float, since_s: float, until_s: float) -> None:
-        """So many reports of the receiver were missed between these moments; math.inf: nobody knows how many."""
+        """Note that reports of the receiver were missed between two times.
+
+        The count is math.inf if the number of missed reports is unknown.
+        """
         self._unheard.append(_Unheard(count, since_s, until_s))
 
     def silent(self, since_s: float, until_s: float) -> None:
-        """What the sender sent between these moments may not have been heard; math.inf: from then on."""
+        """Note that reports of the sender may be missing between two times; until_s: math.inf for an open end."""
         if self._silences and self._silences[-1][0] == since_s:
             self._silences.pop()
         self._silences.append((since_s, until_s))
 
     def settle(self, now_s: float) -> list[Settled]:
-        """The fates that are known by now: of what was received in its order, then of what was not; math.inf: all."""
+        """Return the fates that are known by now, those of received messages first; now_s: math.inf to settle all."""
         settled, self._corrected = self._corrected, []
         until_s = now_s - self.grace_s
         ready = next((at for at, one in enumerate(self._ins) if one.at_s > until_s), len(self._ins))
@@ -128,7 +134,7 @@ class Matching:
         self._strays.forget(until_s - LATEST_S)
         return settled
 
-    def _came(self, received: Received) -> Settled:
+    def _came(self, received: ReceivedEvent) -> Settled:
         digest = received.what.digest
         waiting = _without(self._waiting, digest, received)
         candidates = _plausible(self._open.get(digest, ()), received)
@@ -158,25 +164,30 @@ class Matching:
         return Settled(self.way, Fate.STRANGE, None, received)
 
     def _may_be_another(self, digest: str, at_s: float) -> bool:
-        """Whether it may be a copy that its sender sent while it was not heard.
+        """Whether a reception may be a copy whose sending was not reported to the meter.
 
-        What is known to be sent again and again may be, for as long afterwards as a message may be under way; what was
-        sent once may not, for so long after that.
+        It may be in a span without reports of the sender. For a PDU known to be sent repeatedly, the span lasts
+        grace_s longer. For a PDU that was sent once, it begins grace_s later.
         """
         again_s, once_s = (self.grace_s, 0.0) if self._copies[digest] > 1 else (0.0, self.grace_s)
         spans = ((-math.inf, self.since_s), *self._silences)
         return any(since_s + once_s <= at_s <= until_s + again_s for since_s, until_s in spans)
 
-    def _fate(self, sent: Sent, received: Received, is_repeat: bool) -> Fate:
-        """In time or late: by clocks where they tell it, else by when both were heard of."""
+    def _fate(self, sent: Sent, received: ReceivedEvent, is_repeat: bool) -> Fate:
+        """Return whether a message arrived in time or late.
+
+        The delay is measured by clocks if their accuracy is known, otherwise by the arrival of both reports at the
+        meter.
+        """
         delay = None if is_repeat else link_delay(sent, received)
         took_s = received.at_s - sent.at_s if delay is None else delay.ns / 1e9
         return Fate.LATE if took_s > self.grace_s else Fate.ARRIVED
 
     def _is_guess(self, digest: str, is_one: bool, at_s: float) -> bool:
-        """Whether it is not known which copy it is: now, or since some time without a pause.
+        """Whether the matched copy of a PDU is a guess.
 
-        Where one was taken for another all that follow are: they are as far from each other as what was sent.
+        Once a copy may have been mistaken for another, all following ones are guesses until a pause: the mistake shifts
+        them by the same interval.
         """
         if self._copies.get(digest, 1) == 1:
             return False
@@ -191,11 +202,12 @@ class Matching:
         if len(self._guessed) > MOST_STRAYS:
             self._guessed.popitem(last=False)
 
-    def _chosen(self, candidates: list[_Out], received: Received, waiting: Sequence[Received]) -> _Out:
-        """Which of several copies of a PDU it is.
+    def _chosen(self, candidates: list[_Out], received: ReceivedEvent, waiting: Sequence[ReceivedEvent]) -> _Out:
+        """Return the sent copy that a reception is matched to.
 
-        Without clocks they are taken in their order. By clocks it is the last that was sent before; or the first, where
-        as many have come as were sent until the next one was: then they are slower than they follow each other.
+        Without known clocks, copies are matched in order. With clocks, the last copy sent before the reception is
+        matched. The first one is matched if as many copies have arrived as were sent so far: then the delay exceeds the
+        interval of sending.
         """
         if len(candidates) == 1 or _delay_ns(candidates[0], received) is None:
             return candidates[0]
@@ -215,7 +227,10 @@ class Matching:
         return Settled(self.way, out.fate, out.sent, None, out.copy, is_unheard=out.is_unheard)
 
     def _span(self, at_s: float) -> _Unheard | None:
-        """That of which not all was heard, of several one that has not yet explained all that is missing."""
+        """Return a span with missed reports at a time.
+
+        If there are several spans, returns the one with most reports that are still unexplained.
+        """
         found = [one for one in self._unheard if one.since_s - self.grace_s <= at_s <= one.until_s + self.grace_s]
         return max(found, key=lambda one: one.count, default=None)
 
@@ -224,7 +239,7 @@ _One = TypeVar("_One")
 
 
 class _Late(Generic[_One]):
-    """What a late word may still be about, by digest: for some time, and no more than MOST_STRAYS of them."""
+    """Unmatched events by digest, kept for late reports: for LATEST_S, and at most MOST_STRAYS of them."""
 
     def __init__(self) -> None:
         self._by_digest: dict[str, list[_One]] = {}
@@ -253,7 +268,7 @@ class _Late(Generic[_One]):
 
 
 def _without(pool: dict[str, list[_One]], digest: str, one: _One) -> Sequence[_One]:
-    """Take one out of a pool; returns what is left of its digest."""
+    """Remove an event from a pool; return the others with its digest."""
     left = pool[digest]
     del left[next(at for at, kept in enumerate(left) if kept is one)]
     if not left:
@@ -261,26 +276,26 @@ def _without(pool: dict[str, list[_One]], digest: str, one: _One) -> Sequence[_O
     return left
 
 
-def _when(received: Received) -> int:
+def _when(received: ReceivedEvent) -> int:
     return received.received_ns
 
 
-def _plausible(outs: Sequence[_Out], received: Received) -> list[_Out]:
-    """Those that it can be: nothing arrives before it was sent, as far as clocks and stamps tell.
+def _plausible(outs: Sequence[_Out], received: ReceivedEvent) -> list[_Out]:
+    """Return the sent copies that a reception can match: none that was sent after it, as far as clocks show.
 
-    The only one of its digest is believed further: its stamps may be worse than they are said to be.
+    A single candidate is accepted with a larger error, since its stamps may be worse than stated.
     """
     slack_ns = LONE_SLACK_NS if len(outs) == 1 else SLACK_NS
     delays = ((out, _delay_ns(out, received)) for out in outs)
     return [out for out, delay_ns in delays if delay_ns is None or delay_ns >= -slack_ns]
 
 
-def _is_after(out: _Out, received: Received) -> bool:
-    """Whether it can have been sent before that was received."""
+def _is_after(out: _Out, received: ReceivedEvent) -> bool:
+    """Whether a message can have been sent before a reception."""
     return bool(_plausible([out, out], received))
 
 
-def _delay_ns(out: _Out, received: Received) -> int | None:
-    """The longest that it can have been under way."""
+def _delay_ns(out: _Out, received: ReceivedEvent) -> int | None:
+    """Return the largest possible delay in ns; None if the clocks' accuracy is unknown."""
     delay = link_delay(out.sent, received)
     return None if delay is None else delay.ns + delay.uncertainty_ns

@@ -1,28 +1,28 @@
-"""The meter: what stations tell goes in, figures come out. It holds no socket and reads no clock."""
+"""Meter: computes figures from reports of stations, without sockets and clocks."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
-from firmware.meter.event import PROBES, Received, Sent
+from firmware.meter.event import PROBES, ReceivedEvent, Sent
 from firmware.meter.fate import Settled, Way
 from firmware.meter.figures import Figures, Rows
 from firmware.meter.inside import Inside
 from firmware.meter.matching import GRACE_S, Matching
 from firmware.meter.paths import Paths
-from firmware.meter.spots import Spots
+from firmware.meter.report.spots import Spots
 from firmware.meter.window import Windows
 
 
 class Ends(NamedTuple):
-    """Two interfaces that hear each other, as somebody has named them: A:g5=B:air."""
+    """Two interfaces that hear each other, as named by the user: A:g5=B:air."""
 
     one: tuple[str, str]
     other: tuple[str, str]
 
 
 class Measured:
-    """All of one way: of the whole, and by intervals."""
+    """Figures of one direction: of the whole measurement, and by intervals."""
 
     def __init__(self, interval_s: float) -> None:
         self.whole = Figures()
@@ -30,12 +30,12 @@ class Measured:
 
 
 class Meter:
-    """Every way between stations that are metered.
+    """All directions between the measured stations.
 
-    interval_s   T, over which is averaged.
-    grace_s      how long one end's word is waited for after the other's.
-    named        interfaces that hear each other though neither name nor technology says so.
-    round_trips_of  a station whose probes somebody reflects: their round trips are ways, too.
+    interval_s   averaging interval T in seconds.
+    grace_s      seconds to wait for the report of one end after that of the other.
+    named        interfaces that hear each other, if neither name nor technology shows it.
+    round_trips_of  station whose probes are reflected: its round trips are measured as well; empty: none.
     """
 
     def __init__(
@@ -61,14 +61,16 @@ class Meter:
         return list(self._stations)
 
     def strangers(self) -> list[str]:
-        """Interfaces that were named and that no station has."""
+        """Return the interfaces named by the user that no station has."""
         ends = {end for pair in self._named for end in pair}
         return sorted(":".join(end) for end in ends if end[1] not in self._stations.get(end[0], {}))
 
     def station(self, name: str, interfaces: Mapping[str, str]) -> None:
-        """A station, and the technology of each of its interfaces, empty where it is not known; again when they change.
+        """Add a station, or update it after a change of its interfaces.
 
-        Before its first event.
+        interfaces  technology of each interface; empty if unknown.
+
+        To be called before its first event.
         """
         if self._stations.get(name) == interfaces:
             return
@@ -84,13 +86,13 @@ class Meter:
             self._into.setdefault((way.receiver, way.into), []).append(matching)
 
     def hears(self, station: str, since_s: float) -> None:
-        """What a station sends is heard from then on; it may have sent before."""
+        """Note the time from which the sending reports of a station are received; it may have sent messages before."""
         for matching in self._matching.values():
             if matching.way.sender == station:
                 matching.since_s = since_s
 
     def silent(self, station: str, since_s: float, until_s: float = math.inf) -> None:
-        """Of what a station sent between these moments not all is heard."""
+        """Note that sending reports of a station may be missing between two times."""
         for matching in self._matching.values():
             if matching.way.sender == station:
                 matching.silent(since_s, until_s)
@@ -101,16 +103,17 @@ class Meter:
             if not matching.way.is_round_trip or event.is_probe:
                 matching.sent(event)
 
-    def received(self, event: Received) -> None:
+    def received(self, event: ReceivedEvent) -> None:
         self.inside.received(event)
         for matching in self._into.get((event.station, event.interface), ()):
             if not matching.way.is_round_trip or event.what.station_id == PROBES:
                 matching.received(event)
 
     def unheard(self, receiver: str, count: float, since_s: float, until_s: float) -> None:
-        """So many indications of a station were missed by the meter; math.inf: nobody knows how many.
+        """Note that indications of a station were missed between two times.
 
-        Nor how old that is which it says of what it sent, when it is heard again.
+        count  number of missed indications; math.inf: unknown. Then the station's sending reports are uncertain as
+               well.
         """
         for matching in self._matching.values():
             if matching.way.receiver == receiver:
@@ -120,7 +123,7 @@ class Meter:
                 matching.silent(since_s, until_s)
 
     def settle(self, now_s: float) -> list[Settled]:
-        """Take into the figures what is known by now; returns it. math.inf: everything."""
+        """Add the fates that are known by now to the figures, and return them; now_s: math.inf to settle all."""
         settled = [one for matching in self._matching.values() for one in matching.settle(now_s)]
         for one in settled:
             measured = self.ways[one.way]
@@ -133,7 +136,7 @@ class Meter:
         return settled
 
     def finish(self) -> list[Settled]:
-        """Settle everything: nothing more will come."""
+        """Settle all messages, because no further report will come."""
         return self.settle(math.inf)
 
     @property
@@ -159,9 +162,10 @@ class Meter:
                         yield Way(station, interface, other, into)
 
     def _counterpart(self, station: str, interface: str, other: str) -> str:
-        """The interface of another station that hears this one; empty where none is known to.
+        """Return the interface of another station that hears this one; empty if none is known.
 
-        As named; of its name, unless technologies differ; or the only one of its technology.
+        Named pairs come first, then interfaces of the same name unless technologies differ, then the only interface of
+        the same technology.
         """
         for one, end in self._named:
             if one == (station, interface) and end[0] == other:

@@ -1,4 +1,4 @@
-"""Messages that leave by several interfaces: which way was first, by how much, what one alone has brought, the gain."""
+"""Messages sent by several interfaces: first arrival, lead, exclusive deliveries, gain."""
 
 from collections import OrderedDict
 from typing import NamedTuple
@@ -8,19 +8,19 @@ from firmware.meter.fate import Fate, Settled, Way
 from firmware.meter.matching import LATEST_S
 from firmware.meter.sample import Sample
 
-# Messages of which not all ways are known: some seconds of four interfaces with a full channel each.
+# Limit of undecided messages: some seconds of four interfaces with a full channel each.
 MOST_OPEN = 65_536
 
 
 class Between(NamedTuple):
-    """From which station to which."""
+    """Sending and receiving station."""
 
     sender: str
     receiver: str
 
 
 class _Copy(NamedTuple):
-    """A message with its ends: its k-th copy by one way is its k-th by another."""
+    """One message between two stations: copies with equal numbers in several directions belong to the same sending."""
 
     between: Between
     digest: str
@@ -28,11 +28,13 @@ class _Copy(NamedTuple):
 
 
 class PathFigures:
-    """One way beside the others.
+    """Figures of one direction compared with the others.
 
-    sent, arrived  of messages that left by another way too.
-    first, lead_us  how often it was the first of several, and by how much.
-    alone          that no other way has brought.
+    sent     messages that also left in another direction.
+    arrived  those of them that arrived.
+    first    number of messages that it delivered before any other.
+    lead_us  lead of these messages.
+    alone    messages that no other direction delivered.
     """
 
     def __init__(self) -> None:
@@ -46,10 +48,12 @@ class PathFigures:
 
 
 class Both:
-    """All ways between two stations together.
+    """Figures of all directions between two stations together.
 
-    sent     messages that left by several ways. arrived: by one of them at least.
-    one_way_us  of the first that came.
+    sent        messages that left in several directions.
+    arrived     messages that at least one direction delivered.
+    one_way_us  delay of the first copy to arrive.
+    ways        figures of each direction.
     """
 
     def __init__(self) -> None:
@@ -63,22 +67,23 @@ class Both:
 
     @property
     def gain(self) -> float | None:
-        """Share that arrives by all ways together less that by the best one of them."""
+        """Share delivered by all directions together, minus the share of the best one; None if unknown."""
         shares = [one.delivery for one in self.ways.values() if one.delivery is not None]
         return self.delivery - max(shares) if self.delivery is not None and shares else None
 
 
 class Paths:
-    """Takes fates of all ways; a message is judged when nothing more is expected of it, and again if that was wrong.
+    """Combines the fates of all directions. A message is judged after hold_s and corrected by late reports.
 
-    hold_s  how long after its first word.
+    hold_s  seconds from its first report until it is judged.
     """
 
     def __init__(self, hold_s: float) -> None:
         self.both: dict[Between, Both] = {}
         self._hold_s = hold_s
         self._open: OrderedDict[_Copy, _Kept] = OrderedDict()
-        self._lossy: OrderedDict[_Copy, _Kept] = OrderedDict()  # judged, and one way has not brought it
+        # Judged messages that at least one direction has not delivered.
+        self._lossy: OrderedDict[_Copy, _Kept] = OrderedDict()
 
     def add(self, one: Settled, now_s: float) -> None:
         if one.sent is None or one.fate is Fate.UNSEEN or one.way.is_round_trip:
@@ -120,7 +125,7 @@ class Paths:
             _first(both, came, 1)
 
     def _correct(self, key: _Copy, one: Settled) -> None:
-        """One of the ways has brought it after all."""
+        """Correct a judged message that another direction has delivered late."""
         kept = self._lossy.get(key)
         if kept is None or one.way not in kept.ways:
             return
@@ -137,19 +142,19 @@ class Paths:
 
 
 class _Kept(NamedTuple):
-    """A message, since when it is known, and its fate by each way."""
+    """Message with the time of its first report and its fates by direction."""
 
     since_s: float
     ways: dict[Way, Settled]
 
     def came(self) -> list[Settled]:
-        """Those by which it came, the first one first."""
+        """Return the fates with a reception, in order of reception."""
         found = [(one.received.received_ns, one) for one in self.ways.values() if one.received is not None]
         return [one for _, one in sorted(found, key=lambda pair: pair[0])]
 
 
 def _first(both: Both, came: list[Settled], step: int) -> None:
-    """Count, or take back, who was first or alone; the lead of one that was is kept."""
+    """Add or subtract (step 1 or -1) a first or exclusive delivery. Leads already counted are kept."""
     figures = both.ways[came[0].way]
     if len(came) == 1:
         figures.alone += step

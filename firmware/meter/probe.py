@@ -1,4 +1,4 @@
-"""Messages of the meter's own: of a type and a size, well-formed, each another; their stationID says what they are."""
+"""Probes: well-formed messages of a type and size, each different."""
 
 import json
 import secrets
@@ -7,28 +7,30 @@ from pathlib import Path
 from typing import Any
 
 import firmware
-from board.errors import RequestError
-from board.time import generation_delta_time, its_time_ms, leap_seconds
+from board.runtime.errors import RequestError
+from board.time.scales import generation_delta_time, its_time_ms, leap_seconds
 from drivers.message import Position
 from firmware.codec.library import Library
 from firmware.meter.event import PROBES
 
-MOST_ALTITUDES = 800_000  # TS 102 894-2, AltitudeValue: so many from 0 on, in 0.01 m
+MOST_ALTITUDES = 800_000  # TS 102 894-2, AltitudeValue: number of values from 0 on, in 0.01 m
 NOWHERE = Position(900_000_001, 1_800_000_001)  # TS 102 894-2, Latitude and Longitude: unavailable
-# Points of a trace make a message longer; so many has one at most, and so many traces a DENM.
+# Points of a trace make a message longer. Limits: points of one trace, and traces of one message.
 LONGEST_TRACE = 40
 MOST_TRACES = {"cam": 1, "denm": 7}
 
 
 class Probes:
-    """Makes them. Each has a number: a DENM in its actionID, a CAM in its altitude, for its time comes every 65 s anew.
+    """Generates probes.
 
-    kind    cam or denm: types whose fields carry a time or a number, and traces that make them longer. A DENM is the
-            cancellation of an event that never was: nobody is warned of anything.
-    octets  at least so many; None: without a trace.
-    place   of a CAM; None: nowhere, so that nobody takes it for a vehicle.
+    Each has a number: a DENM in its actionID, a CAM in its altitude, since a CAM's time repeats every 65 s.
 
-    Raises RequestError for a type that there is no probe of, or a size that it cannot have.
+    kind      cam or denm. A DENM cancels an event that never existed, so it warns of nothing.
+    octets    minimum size, reached by a trace; None: without a trace.
+    now_s     returns Unix time in seconds.
+    position  position of a CAM; None: unavailable, so that no receiver takes it for a vehicle.
+
+    Raises RequestError for another type, or a size that is not possible.
     """
 
     def __init__(
@@ -37,17 +39,17 @@ class Probes:
         kind: str,
         octets: int | None,
         now_s: Callable[[], float],
-        place: Position | None = None,
+        position: Position | None = None,
     ) -> None:
         if kind not in _MAKERS:
-            raise RequestError(f"there is no probe of type {kind!r}", f"there are: {', '.join(_MAKERS)}")
+            raise RequestError(f"--probe: unknown type {kind!r}", f"use one of {', '.join(_MAKERS)}")
         self.kind = kind
         self._now_s = now_s
         self._base, name = _base(library, kind)
         self._message = library.find(name)
         if kind == "cam":
-            _put(self._base, place)
-        self._count = secrets.randbelow(MOST_ALTITUDES)  # two meters' are not the same
+            _put(self._base, position)
+        self._count = secrets.randbelow(MOST_ALTITUDES)  # random, so that probes of two meters differ
         self._trace = 0
         self._last_ms = -1
         if octets is not None:
@@ -55,17 +57,17 @@ class Probes:
 
     @property
     def octets(self) -> int:
-        """Of the next one."""
+        """Size of the next probe."""
         return len(self._made(self._count, 0))
 
-    def next(self, station_id: int = PROBES, place: Position | None = None) -> bytes:
-        """Another one; of a CAM also of another station, at another place."""
+    def next(self, station_id: int = PROBES, position: Position | None = None) -> bytes:
+        """Return the next probe. A CAM may have another stationID and position."""
         now_s = self._now_s()
-        # Two of one millisecond would be the same message.
+        # Each probe has a millisecond of its own, since two of one millisecond would be equal.
         self._last_ms = max(self._last_ms + 1, its_time_ms(now_s, leap_seconds(now_s)))
         self._count += 1
-        if place is not None:
-            _put(self._base, place)
+        if position is not None:
+            _put(self._base, position)
         return self._made(self._count, self._last_ms, station_id)
 
     def _made(self, count: int, its_ms: int, station_id: int = PROBES) -> bytes:
@@ -85,7 +87,7 @@ class Probes:
 
 
 def _base(library: Library, kind: str) -> tuple[dict[str, Any], str]:
-    """The fields of a short message of the lab test of this type, and its edition."""
+    """Return the fields of a short message of this type from firmware/vectors.json, and its edition."""
     rows = json.loads((Path(firmware.__file__).parent / "vectors.json").read_bytes())
     octets = next(bytes.fromhex(row["hex"]) for row in rows if row["type"] == kind and row["octets"] == _BASES[kind])
     message = library.find(kind)
@@ -97,8 +99,8 @@ _BASES = {"cam": 46, "denm": 43}
 
 def _cam(value: dict[str, Any], count: int, its_ms: int, trace: int) -> None:
     value["cam"]["generationDeltaTime"] = generation_delta_time(its_ms)
-    place = value["cam"]["camParameters"]["basicContainer"]["referencePosition"]
-    place["altitude"]["altitudeValue"] = count % MOST_ALTITUDES
+    position = value["cam"]["camParameters"]["basicContainer"]["referencePosition"]
+    position["altitude"]["altitudeValue"] = count % MOST_ALTITUDES
     if trace:
         value["cam"]["camParameters"]["lowFrequencyContainer"] = {
             "basicVehicleContainerLowFrequency": {
@@ -118,15 +120,15 @@ def _denm(value: dict[str, Any], count: int, its_ms: int, trace: int) -> None:
         value["denm"]["location"] = {"traces": [_trace(LONGEST_TRACE)] * whole + [_trace(rest)] * (rest > 0)}
 
 
-def _put(value: dict[str, Any], place: Position | None) -> None:
-    latitude, longitude = NOWHERE if place is None else place
+def _put(value: dict[str, Any], position: Position | None) -> None:
+    latitude, longitude = NOWHERE if position is None else position
     reference = value["cam"]["camParameters"]["basicContainer"]["referencePosition"]
     reference.update(latitude=latitude, longitude=longitude)
 
 
 def _trace(points: int) -> list[dict[str, object]]:
-    place = {"deltaLatitude": 131072, "deltaLongitude": 131072, "deltaAltitude": 12800}  # all unavailable
-    return [{"pathPosition": place, "pathDeltaTime": 1} for _ in range(points)]
+    position = {"deltaLatitude": 131072, "deltaLongitude": 131072, "deltaAltitude": 12800}  # all unavailable
+    return [{"pathPosition": position, "pathDeltaTime": 1} for _ in range(points)]
 
 
 _MAKERS: dict[str, Callable[[dict[str, Any], int, int, int], None]] = {"cam": _cam, "denm": _denm}

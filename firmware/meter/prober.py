@@ -1,4 +1,4 @@
-"""Sends probes to a station at a pace, and reflects those of others."""
+"""Sends probes to a station at a pace; reflects probes of others."""
 
 import json
 from collections import OrderedDict
@@ -7,25 +7,25 @@ from typing import NamedTuple
 
 import zmq
 
-from board.errors import StationError
+from board.runtime.errors import StationError
+from firmware.client import client
+from firmware.client.received import Message
+from firmware.endpoint.report import digest_of
 from firmware.meter.event import PROBES
 from firmware.meter.probe import Probes
 from firmware.meter.sample import Sample
-from firmware.meter.watch import LABEL
-from firmware.report import digest_of
-from firmware.user import client
-from firmware.user.received import Message
+from firmware.meter.watch.station import LABEL
 
-# Of which the way from user to user is measured: a minute at 1,000 a second.
+# Limit of probes whose time from user to user is measured: a minute at 1,000 per second.
 MOST_OPEN = 65_536
-# A sender that was late may make up for so much; more would be a burst.
+# A sender that is late may catch up by this much; more would be a burst.
 CATCH_UP_S = 0.05
-# One that comes again so much later is no echo of itself any more.
+# A probe that returns after more than this time counts as a new one.
 ECHO_S = 60.0
 
 
 class Trip(NamedTuple):
-    """From which station's user to which station's."""
+    """Stations of a probe's sending and receiving user."""
 
     sender: str
     receiver: str
@@ -34,8 +34,11 @@ class Trip(NamedTuple):
 class Prober:
     """Gives probes to one station.
 
-    rate   a second. most: so many in all, None: no end.
-    trips_us  from handing a probe to the station here, to having it here from each station's 5556: one clock.
+    rate      probes per second.
+    most      total number of probes; None: no limit.
+    options   options of the probes for the station's PULL socket.
+    trips_us  time from giving a probe to the station until this program receives it as a user of each station, by one
+              clock.
     """
 
     def __init__(
@@ -58,20 +61,21 @@ class Prober:
         self._options = dict(options)
         self._most = most
         self._due_s: float | None = None
-        self._open: OrderedDict[str, tuple[int, set[str]]] = OrderedDict()  # when, and who has had it
+        # Probes by digest: time of sending, and stations that have delivered the probe.
+        self._open: OrderedDict[str, tuple[int, set[str]]] = OrderedDict()
 
     @property
     def is_over(self) -> bool:
         return self._most is not None and self.count >= self._most
 
     def due_s(self, now_s: float) -> float:
-        """Seconds until the next one; 0 where it should be gone."""
+        """Return seconds until the next probe; 0 if it is due."""
         if self._due_s is None:
             self._due_s = now_s
         return max(0.0, self._due_s - now_s)
 
     def send(self, now_s: float, now_ns: Callable[[], int]) -> None:
-        """The next one. Raises StationError when the station takes nothing more."""
+        """Send the next probe. Raises StationError if the station accepts no more."""
         pdu = self.probes.next()
         if not self._pusher.poll(round(client.ANSWER_S * 1000), zmq.POLLOUT):
             raise StationError(f"station {self.name} takes no more after {self.count} probes", "see `captain status`")
@@ -85,7 +89,10 @@ class Prober:
         self._due_s = max(due_s, now_s - CATCH_UP_S)
 
     def delivered(self, station: str, digest: str, now_ns: int) -> None:
-        """A user of a station has had a message: a probe for the first time, or another, or none."""
+        """Note that a station has delivered a message to its users.
+
+        It counts if it is a probe, delivered by this station for the first time.
+        """
         began_ns, had = self._open.get(digest, (0, {station}))
         if station not in had:
             had.add(station)
@@ -93,10 +100,11 @@ class Prober:
 
 
 class Reflector:
-    """Sends back each probe that comes, once, and not one bit of it changed.
+    """Sends each received probe back once, unchanged.
 
-    reflected  how many; not_reflected: that the station did not take; stay_us: for how long each was here, from 5556 to
-               5557.
+    reflected      number of reflected probes.
+    not_reflected  number of probes that the station did not accept back.
+    stay_us        time from reception on port 5556 to sending on port 5557.
     """
 
     def __init__(self, context: client.Context, place: client.Address, options: Mapping[str, object]) -> None:
@@ -104,10 +112,13 @@ class Reflector:
         self.stay_us = Sample()
         self._pusher = client.push(context, place)
         self._options = dict(options)
-        self._seen: OrderedDict[str, int] = OrderedDict()  # when, monotonic ns
+        self._seen: OrderedDict[str, int] = OrderedDict()  # by digest: monotonic time in ns
 
     def take(self, message: Message, came_ns: int, now_ns: Callable[[], int]) -> None:
-        """A message of 5556; one that has been here, be it back from another reflector, is let go."""
+        """Reflect a message of port 5556 if it is a probe.
+
+        A probe already reflected here is ignored, even if a second reflector has sent it back again.
+        """
         if message.station_id != PROBES:
             return
         while self._seen and came_ns - next(iter(self._seen.values())) > ECHO_S * 1e9:

@@ -1,4 +1,4 @@
-"""Recordings of two stations, measured afterwards: those of `captain record`, or any capture of either end."""
+"""Measurement of two recordings of `captain record`, or of other captures."""
 
 import math
 import statistics
@@ -7,41 +7,45 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from board.errors import ProtocolError, StationError
+from board.runtime.errors import ProtocolError, StationError
 from drivers.message import Position
-from firmware.codec import capture, layers
-from firmware.codec.pcapng import Direction
-from firmware.meter import told
-from firmware.meter.event import NO_CLOCK, Clock, Received, Sent, What, what_of
+from firmware import file_remedy
+from firmware.meter.event import NO_CLOCK, Clock, ReceivedEvent, Sent, What, what_of
 from firmware.meter.meter import Meter
-from firmware.meter.place import place_of
+from firmware.meter.sender_position import position_of
+from firmware.meter.watch import status_fields
+from firmware.recordings import capture, layers
+from firmware.recordings.pcapng import Direction
 from firmware.topics import Topics
-from firmware.user.untrusted import number, text, within
+from firmware.untrusted import number, text, within
 
-# Of one file: ten minutes of a full channel, four times over. 0.5 kB each.
+# Limit of frames in one file: ten minutes of four full channels, with 0.5 kB each.
 MOST_FRAMES = 4_000_000
 SETTLE_S = 1.0
-BOTH_WAYS = frozenset({"", "duplicate"})  # reasons with which a frame has arrived all the same
+BOTH_WAYS = frozenset({"", "duplicate"})  # reasons of dropped frames that had nevertheless arrived
 
 
 class Recording(NamedTuple):
-    """What one file tells.
+    """Content of one recording.
 
-    sent, received  in their order; their at_s is the recorder's own.
-    interfaces      their technology, where the file says it.
-    span            first and last moment, s.
-    missed          frames that the recorder did not have: how many, between which moments.
-    not_sent        by interface and reason.
-    said            what it says of itself: station, version, configuration.
-    is_plain        frames do not say which way they went.
-    broken          why it cannot be read to its end, as after a cut of the power; empty where it can.
-    left_out        frames that carry no message, by what they are, of a capture that does not say it itself.
+    name            name of the station in the measurement.
+    path            file.
+    sent, received  messages in their order; at_s is by the recorder's clock.
+    interfaces      technology of each interface; empty if the file does not contain it.
+    span            first and last time in seconds.
+    missed          gaps of the recording: number of frames, and the times before and after.
+    not_sent        interface and reason of each message that was not sent.
+    said            recorder's description: station, version, configuration.
+    is_plain        frames without a direction.
+    broken          reason why the file ends early, for example after a power failure; empty if it is whole.
+    positions       sender's position by digest.
+    left_out        frames of another program's capture that carry no message, by kind.
     """
 
     name: str
     path: Path
     sent: list[Sent]
-    received: list[Received]
+    received: list[ReceivedEvent]
     interfaces: dict[str, str]
     span: tuple[float, float]
     missed: list[tuple[int, float, float]]
@@ -49,23 +53,23 @@ class Recording(NamedTuple):
     said: Mapping[str, object]
     is_plain: bool
     broken: str
-    places: dict[str, Position]
+    positions: dict[str, Position]
     left_out: Counter[str]
 
 
 def read(path: Path, name: str, is_first: bool) -> Recording:
-    """All of a file; frames of a plain capture count as sent in the first file and as received in the second.
+    """Read a recording; frames without direction count as sent in the first file and as received in the second.
 
-    Raises StationError where it is none.
+    Raises StationError if the file cannot be read or is not a capture.
     """
     try:
         with path.open("rb") as stream:
             head = stream.read(4)
             if not capture.is_capture(head):
-                raise StationError(f"{path}: it is no capture", "`captain record --pcapng FILE` makes one")
+                raise StationError(f"{path}: not a capture", "record one: captain record --pcapng FILE")
             return _Reading(path, name, is_first).all(capture.frames(head, stream))
     except OSError as error:
-        raise StationError(f"{path}: {error.strerror}") from error
+        raise StationError(f"{path}: {error.strerror}", file_remedy.to_read(error)) from error
     except ProtocolError as error:
         raise StationError(f"{path}: {error.message}", error.hint) from error
 
@@ -98,7 +102,7 @@ class _Reading:
         return self._made._replace(span=span, is_plain=is_plain, broken=self._broken, said=said)
 
     def _whole(self, frames: Iterator[capture.Frame]) -> Iterator[capture.Frame]:
-        """Those before it ends within one. Raises ProtocolError where there is none."""
+        """Yield frames up to a truncated one. Raises ProtocolError if even the first frame is malformed."""
         has_one = False
         try:
             for frame in frames:
@@ -115,7 +119,7 @@ class _Reading:
             return
         assert frame.when_ns is not None
         reason = text(frame.said, "reason")
-        clock = told.clock_of(within(frame.said, "quality"), boot) if frame.said else NO_CLOCK
+        clock = status_fields.clock_of(within(frame.said, "quality"), boot) if frame.said else NO_CLOCK
         interface, at_s = _interface(frame), frame.when_ns / 1e9
         is_out = frame.direction is Direction.OUT or (frame.direction is Direction.UNKNOWN and self._is_first)
         if is_out and reason:
@@ -123,11 +127,13 @@ class _Reading:
         elif is_out:
             self._made.sent.append(_sent(self._name, interface, what, frame, clock))
         elif reason in BOTH_WAYS:
-            one = Received(self._name, interface, what, frame.when_ns, clock, at_s, told.rssi_of(frame.said))
+            one = ReceivedEvent(
+                self._name, interface, what, frame.when_ns, clock, at_s, status_fields.rssi_of(frame.said)
+            )
             self._made.received.append(one)
 
     def _what(self, frame: capture.Frame) -> What | None:
-        """Its message; None where it carries none, or a broken one."""
+        """Return the message of a frame; None if it carries none or is malformed."""
         try:
             carried = layers.open_frame(frame.link, frame.octets)
         except ProtocolError:
@@ -139,8 +145,8 @@ class _Reading:
         if len(carried.pdu) < 6:
             return None
         what = what_of(carried.pdu, self._types[carried.pdu[1]].name)
-        if (place := place_of(carried.pdu)) is not None:
-            self._made.places[what.digest] = place
+        if (position := position_of(carried.pdu)) is not None:
+            self._made.positions[what.digest] = position
         return what
 
 
@@ -156,22 +162,26 @@ def _sent(name: str, interface: str, what: What, frame: capture.Frame, clock: Cl
 
 
 def _who(one: Recording) -> tuple[str, float] | None:
-    """Boot and process of a station; None where the file does not say it."""
+    """Return boot id and process id of the recorded station; None if the file does not contain them."""
     boot, pid = text(one.said, "boot"), number(one.said, "pid")
     return (boot, pid) if boot and pid else None
 
 
 class Laid(NamedTuple):
-    """What came of laying recordings on one time line: sent messages that the other one does not cover; notes."""
+    """Result of aligning two recordings in time.
+
+    uncovered  sent messages outside the time of the other recording.
+    notes      notes for the reader.
+    """
 
     uncovered: int
     notes: list[str]
 
 
 def measure(meter: Meter, one: Recording, other: Recording) -> Laid:
-    """Two recordings into a meter, and everything settled.
+    """Feed two recordings to a meter, and settle all messages.
 
-    Raises StationError where they are of one station, or cannot be laid side by side.
+    Raises StationError if both are of one station, share no direction, or cannot be aligned in time.
     """
     if one.path.samefile(other.path) or (_who(one) is not None and _who(one) == _who(other)):
         raise StationError(f"{one.path} and {other.path} are of one station", "name a recording of each end")
@@ -183,8 +193,8 @@ def measure(meter: Meter, one: Recording, other: Recording) -> Laid:
             notes.append(f"{recording.path}: {missed} frames that its recorder did not have")
         for interface, reason in recording.not_sent:
             meter.inside.not_sent(name, interface, reason)
-        for digest, place in recording.places.items():
-            meter.spots.place(digest, place)
+        for digest, position in recording.positions.items():
+            meter.spots.note_message(digest, position)
     if not any(way.sender != way.receiver for way in meter.ways):
         raise StationError(
             f"no interface of {one.path} ({', '.join(one.interfaces) or 'it has none'}) is known to hear one of "
@@ -198,7 +208,7 @@ def measure(meter: Meter, one: Recording, other: Recording) -> Laid:
             meter.unheard(recording.name, count, since - shift, until - shift)
             meter.silent(recording.name, since - shift, until - shift)
     uncovered = 0
-    events: list[Sent | Received] = []
+    events: list[Sent | ReceivedEvent] = []
     for recording, against, shift in ((one, other, 0.0), (other, one, ahead_s)):
         since, until = (moment + (ahead_s if against is one else -ahead_s) for moment in against.span)
         heard_there = {heard.what.digest for heard in against.received}
@@ -212,14 +222,13 @@ def measure(meter: Meter, one: Recording, other: Recording) -> Laid:
     meter.finish()
     if uncovered:
         notes.append(
-            f"{uncovered} messages were sent before the other end's first frame or after its last, and are not in it: "
-            "whether they were lost nobody knows, and they are not counted"
+            f"{uncovered} messages are not counted: they were sent before the other end's first frame or after its last"
         )
     return Laid(uncovered, notes)
 
 
-def _feed(meter: Meter, events: list[Sent | Received]) -> None:
-    """As they were, one after the other, and judged on the way: what is kept of them is bounded."""
+def _feed(meter: Meter, events: list[Sent | ReceivedEvent]) -> None:
+    """Feed events to the meter in order of time, and settle on the way, because the meter keeps a limited number."""
     settled_s = -math.inf
     for event in sorted(events, key=lambda event: event.at_s):
         if event.at_s > settled_s + SETTLE_S:
@@ -232,9 +241,10 @@ def _feed(meter: Meter, events: list[Sent | Received]) -> None:
 
 
 def _ahead(one: Recording, other: Recording) -> tuple[float, str]:
-    """By how much the second one's clock is ahead, as far as laying both side by side needs it; how that is known.
+    """Return how far the second recording's clock is ahead, in seconds, and a text that says how this is known.
 
-    Raises StationError where nothing tells it, and messages cannot be told apart without it.
+    The text is empty if both have the same clock. Raises StationError if the difference is unknown and repeated
+    messages cannot be told apart without it.
     """
     boots = {text(recording.said, "boot") for recording in (one, other)}
     if len(boots) == 1 and "" not in boots:
@@ -253,13 +263,13 @@ def _ahead(one: Recording, other: Recording) -> tuple[float, str]:
         raise StationError(
             f"{one.path}, {other.path}: their clocks are not known, and no message was sent only once that would tell "
             "how far they are apart",
-            "record stations that know their time, or messages that differ, as --probe sends them",
+            "record stations with known clocks, or messages that differ, as --probe sends them",
         )
     return 0.0, "nothing tells it, for no message of one is in the other"
 
 
 def _offset_ns(one: Recording) -> float | None:
-    """Median of what a station said its clock is off by; None where it did not know."""
+    """Return the median of the clock offset that a station reported, in ns; None if it never knew it."""
     clocks = [event.clock for event in one.sent] + [event.clock for event in one.received]
     known = [clock.offset_ns for clock in clocks if clock.offset_ns is not None]
     return statistics.median(known) if known else None
@@ -273,7 +283,7 @@ def _have_in_common(one: Recording, other: Recording) -> bool:
 
 
 def _differences(one: Recording, other: Recording) -> list[float]:
-    """Of stamps of messages that one sent and the other received, of those that were sent once."""
+    """Return the differences of reception and sending time in seconds, of messages that were sent once."""
     moments: dict[str, float | None] = {}
     for event in one.sent:
         moments[event.what.digest] = None if event.what.digest in moments else event.at_s
@@ -281,14 +291,14 @@ def _differences(one: Recording, other: Recording) -> list[float]:
 
 
 def told_of(one: Recording) -> dict[str, object]:
-    """What a report has to say of the station that was recorded."""
+    """Return the description of a recorded station for a report."""
     said = one.said
     notes = []
     if one.is_plain:
-        notes.append("frames do not say which way they went: the first file's count as sent, the second's as received")
-    notes += [f"{count} frames {what}: they are not measured" for what, count in one.left_out.items()]
+        notes.append("frames have no direction: those of the first file count as sent, of the second as received")
+    notes += [f"{count} frames {what}: not measured" for what, count in one.left_out.items()]
     if one.broken:
-        notes.append(f"{one.broken}: what is before is measured, and what is behind it is not")
+        notes.append(f"{one.broken}: only frames before it are measured")
     return {
         "where": str(one.path),
         "station": text(said, "station"),

@@ -1,4 +1,4 @@
-"""What was measured, as one JSON object: the form in which `captain meter --json` and every report have it."""
+"""Result of a measurement as a JSON object, for `--json` and reports."""
 
 import math
 import time
@@ -13,21 +13,22 @@ from firmware.meter.inside import Inside
 from firmware.meter.meter import Meter
 from firmware.meter.paths import Paths
 from firmware.meter.prober import Prober
+from firmware.meter.report.spots import Spot
 from firmware.meter.sample import MOST, Sample
-from firmware.meter.spots import Spot
 
-GLANCE = 1024  # numbers of each measure that a glance looks at
-BARS = 60  # of a distribution
-STEPS = 200  # of a cumulative one
+GLANCE = 1024  # numbers of each measure from which quantiles for a live screen are computed
+BARS = 60  # bars of a distribution
+STEPS = 200  # steps of a cumulative distribution
 
 
 class About(NamedTuple):
-    """What a measurement says of itself.
+    """Description of a measurement.
 
-    title     of the report. what: where figures come from, in words.
-    began_s   Unix time; for_s: how long.
-    stations  by name: address, version, configuration, clock, seconds of its quality, what was not heard of it.
-    notes     what has to be known to read the figures.
+    title, what  title of the report, and source of the figures as text.
+    began_s      start as Unix time.
+    for_s        duration in seconds.
+    stations     by name: address, version, configuration, clock, seconds of its quality, missed reports.
+    notes        notes for the reader of the figures.
     """
 
     title: str
@@ -39,9 +40,9 @@ class About(NamedTuple):
 
 
 def result(meter: Meter, about: About, prober: Prober | None = None, is_glance: bool = False) -> dict[str, object]:
-    """All of it. Times are in microseconds, gaps and ages in seconds; null is what nobody knows.
+    """Return the result as an object for JSON. Times are in microseconds, gaps and ages in seconds; null means unknown.
 
-    is_glance  what a screen shows that is drawn again soon: quantiles of fewer numbers, no time lines and no map.
+    is_glance  return only the part for a live screen: quantiles of fewer numbers, no time lines and no map.
     """
     return {
         "captain": VERSION,
@@ -65,7 +66,7 @@ def result(meter: Meter, about: About, prober: Prober | None = None, is_glance: 
 
 
 def figures(one: Figures, is_glance: bool = False) -> dict[str, object]:
-    """Counts and measures of one way or row."""
+    """Return counts and measures of one direction or row."""
     counts = one.counts
 
     def measure(sample: Sample, digits: int = 1) -> dict[str, object] | None:
@@ -98,7 +99,7 @@ def figures(one: Figures, is_glance: bool = False) -> dict[str, object]:
 
 
 def _with_open(told: dict[str, object] | None, open_s: float, before_s: float = 0.0) -> dict[str, object] | None:
-    """With what went on at the end, and nothing has ended: the longest one is at least that."""
+    """Return a measure of gaps or ages extended by an open gap at the end: its largest value is at least that."""
     if told is None:
         return None
     most = told["most"]
@@ -107,7 +108,10 @@ def _with_open(told: dict[str, object] | None, open_s: float, before_s: float = 
 
 
 def measured(sample: Sample, digits: int = 1, most: int = MOST) -> dict[str, object] | None:
-    """Of a sample; None of nothing. most: numbers of which its quantiles are."""
+    """Return mean, extremes and quantiles of a sample; None if it is empty.
+
+    most  limit of numbers from which quantiles are computed.
+    """
     if not sample.count:
         return None
     median, p95, p99 = sample.quantiles(0.5, 0.95, 0.99, most=most)
@@ -116,9 +120,10 @@ def measured(sample: Sample, digits: int = 1, most: int = MOST) -> dict[str, obj
 
 
 def distribution(sample: Sample) -> dict[str, object] | None:
-    """How many numbers are in each of BARS equal parts, and the cumulative distribution in STEPS steps.
+    """Return a histogram of BARS equal bars, and the cumulative distribution in STEPS steps; None for an empty sample.
 
-    The bars have what is not above the 99.5th percentile; `above`: the others. Both count all, though not all are kept.
+    The bars cover values up to the 99.5th percentile; `above` counts the others. Counts are scaled to all values of the
+    sample, although not all are kept.
     """
     values = sorted(sample.values())
     if not values:
@@ -155,7 +160,7 @@ def _named(way: Way) -> dict[str, object]:
 
 def _row(key: Key, one: Figures, is_glance: bool) -> dict[str, object]:
     told = {**_named(key.way), "type": key.type, "station_id": key.station_id, **figures(one, is_glance)}
-    # Between messages of several sources there are no gaps that would tell anything.
+    # Gaps between messages of several sources have no meaning.
     return told | {"gap_s": None, "age_s": {"mean": None, "peak": None}} if key.type == OTHERS else told
 
 
@@ -247,22 +252,22 @@ def _notes(meter: Meter) -> Iterator[str]:
     wholes = [one.whole for one in meter.ways.values()]
     ways = [way for way in meter.ways if not way.is_round_trip]
     if len(meter.stations) > 1 and not ways:
-        yield "No interface of one station is known to hear one of another: --between A:g5=B:air says which do."
+        yield "The stations have no common interface; name two that hear each other: --between A:g5=B:air."
     elif not any(one.sent for one in wholes):
-        yield "No message left a station that is metered."
+        yield "No message left a measured station."
     repeats = sum(one.repeats for one in wholes)
     if sum(one.arrived for one in wholes) > sum(one.one_way_us.count for one in wholes) + repeats:
         yield (
-            "Of some messages there is no one-way delay: the clocks of both ends are not known well enough. A round "
-            "trip needs one clock alone: --probe with --round-trip, and --reflect at the other end."
+            "Some messages have no one-way delay: the accuracy of the clocks is unknown. A round trip needs one clock "
+            "only: --probe with --round-trip, and --reflect at the other end."
         )
     if repeats:
         yield (
-            f"{repeats} messages were copies of one of which several may have been under way at a time: they are "
-            "counted, and their delays are not told, for nobody knows which copy it was."
+            f"{repeats} messages have no delay: several copies of the same octets may have been under way at a time. "
+            "They are counted."
         )
     if strange := sum(one.counts[Fate.STRANGE] for one in wholes):
-        yield f"{strange} messages were received that nobody metered was heard to send, or before or after it was."
+        yield f"{strange} messages came from other senders, or from before or after the measurement."
 
 
 def _rounded(value: float | None, digits: int) -> float | None:

@@ -1,4 +1,4 @@
-"""Numbers of which mean, extremes and quantiles are wanted, in bounded memory."""
+"""Sample of numbers: mean, extremes and quantiles in bounded memory."""
 
 import math
 from array import array
@@ -8,9 +8,11 @@ MOST = 65_536
 
 
 class Sample:
-    """All numbers until there are too many; then every second of them, then every fourth, ...: evenly over time.
+    """Numbers, of which all are kept up to a limit.
 
-    Count, mean, least and most are of all of them, whatever is kept.
+    Beyond the limit every second number is kept, then every fourth and so on, evenly over time.
+
+    Count, mean, least and most always include all numbers.
     """
 
     __slots__ = ("_each", "_most", "_values", "count", "least", "most", "total")
@@ -38,17 +40,19 @@ class Sample:
 
     @property
     def mean(self) -> float:
-        """NaN of nothing."""
+        """Mean of all numbers; NaN for an empty sample."""
         return self.total / self.count if self.count else math.nan
 
     def values(self) -> Sequence[float]:
-        """What is kept, in the order in which it came."""
+        """Return the kept numbers in the order of arrival."""
         return self._values
 
     def quantiles(self, *shares: float, most: int = MOST) -> list[float]:
-        """The least number that so large a share of those kept does not exceed: 0.5 is the median. NaN of nothing.
+        """Return, for each share, the smallest kept number that this share of the kept ones does not exceed.
 
-        most  of them that are looked at, spread evenly: sorting costs.
+        The share 0.5 gives the median. Without numbers, all results are NaN.
+
+        most  limit of numbers that are sorted, taken evenly over time, because sorting is slow.
         """
         if not self._values:
             return [math.nan] * len(shares)

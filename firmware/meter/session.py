@@ -1,22 +1,22 @@
-"""A measurement over the network: watches stations, sends probes, and settles, until it is told to end."""
+"""Measurement over the network: watches stations, sends probes, settles messages."""
 
 import time
 from collections.abc import Callable
 
-from board.errors import StationError
+from board.runtime.errors import StationError
+from firmware.client import client
 from firmware.meter.meter import Meter
 from firmware.meter.prober import Prober
-from firmware.meter.watch import Watch, registered
-from firmware.user import client
+from firmware.meter.watch.station import Watch, registered
 
-LOOK_S = 0.1  # how often is settled
+LOOK_S = 0.1  # interval of settling
 REDRAW_S = 1.0
-CONFIRM_S = 0.5  # until a station's word is here of what has left it
-CONFIRMS_S = 20.0  # the same of messages that one knows to be on their way, where the machine is busy
+CONFIRM_S = 0.5  # seconds until a station's report of a sent message has surely arrived
+CONFIRMS_S = 20.0  # the same for messages known to be under way, on a busy machine
 
 
 class TimeLine:
-    """Unix time that never steps: that of the beginning, and from there the monotonic clock."""
+    """Unix time that never steps: the system time at the start, continued by the monotonic clock."""
 
     def __init__(self) -> None:
         self.began_s = time.time()
@@ -27,10 +27,10 @@ class TimeLine:
 
 
 class Session:
-    """Everything of one measurement.
+    """One measurement with all its stations.
 
-    is_ending  nothing more is sent, and what is under way is waited for.
-    is_cut     it was not waited for, and is in no figure.
+    is_ending  no more probes are sent; messages under way are awaited.
+    is_cut     the wait was cut short; messages under way are in no figure.
     """
 
     def __init__(self, meter: Meter, line: TimeLine) -> None:
@@ -43,24 +43,32 @@ class Session:
         self._looked = 0.0
 
     def watch(self, name: str, place: client.Address, context: client.Context, is_whole: bool = False) -> None:
-        """Take up a station; is_whole: each message to its users. Raises StationError when it is not there."""
+        """Add a station.
+
+        is_whole  read all messages to its users, not only the first of each second.
+
+        Raises StationError if the station does not answer.
+        """
         self.watches.append(Watch(name, place, context, self.meter, self.line, self._delivered, is_whole))
 
     def begin(self, is_first: bool = False) -> None:
-        """When all stations have joined, and what they said before was let go. Raises StationError.
+        """Begin measuring once all stations have joined; earlier reports are discarded.
 
-        is_first  nothing has been sent until now.
+        is_first  no message has been sent before.
+
+        Raises StationError if a station does not answer, or two names mean the same station.
         """
         for watch in self.watches:
             watch.join()
         self._check_others()
-        # What one has sent a moment ago may have come to another before that was heard.
+        # Another station may report the reception of a message that was sent a moment ago, so reports are discarded a
+        # while longer.
         self._until(self.line() + CONFIRM_S, lambda: None, is_sending=False)
         for watch in self.watches:
             watch.begin(is_first)
 
     def _check_others(self) -> None:
-        """Raise StationError where two of them are one and the same."""
+        """Raise StationError if two names mean the same station."""
         known: dict[tuple[object, object], str] = {}
         for watch in self.watches:
             key = watch.status.get("boot"), watch.status.get("pid")
@@ -69,7 +77,12 @@ class Session:
             known[key] = watch.name
 
     def run(self, for_s: float | None, idle: Callable[[], None], stopped: Callable[[], None]) -> None:
-        """Until so many seconds are over, all probes are sent, or stop(), which is told; then until all is settled."""
+        """Measure until the duration is over, all probes are sent, or stop() is called; then settle all messages.
+
+        for_s    duration in seconds; None: no limit.
+        idle     called every REDRAW_S.
+        stopped  called if stop() ended the measurement.
+        """
         self._until(None if for_s is None else self.line() + for_s, idle, is_sending=True)
         if self.is_ending:
             stopped()
@@ -80,17 +93,20 @@ class Session:
         self.end(idle)
 
     def stop(self) -> None:
-        """End, or if it is ending already do not wait, between two turns: no fate is half counted. For a signal."""
+        """End the measurement; a second call also ends the wait for messages under way.
+
+        Safe to call in a signal handler.
+        """
         self.is_cut = self.is_ending
         self.is_ending = True
 
     @property
     def longest_end_s(self) -> float:
-        """For so long it may wait for what is under way."""
+        """Longest wait in seconds for messages under way."""
         return CONFIRM_S + 2 * self.meter.grace_s + (0.0 if self.prober is None else CONFIRMS_S)
 
     def end(self, idle: Callable[[], None] = lambda: None) -> None:
-        """What is still under way is waited for; what is sent from now on is not measured."""
+        """Wait for messages under way and settle them; messages sent from now on are not measured."""
         self.ended_s = self.line()
         self._until(self.ended_s + CONFIRM_S, idle, is_sending=False)
         for watch in self.watches:
@@ -100,16 +116,16 @@ class Session:
             self.meter.finish()
 
     def serve(self, for_s: float) -> None:
-        """Take what comes for so long: for those who do something else meanwhile."""
+        """Process reports for some seconds, for callers that send messages themselves."""
         self.take()
         self._until(self.line() + for_s, lambda: None, is_sending=True)
 
     def wait_for(self, station: str, count: int, within_s: float = CONFIRMS_S) -> None:
-        """Until a station has said of so many messages what became of them, or for so long."""
+        """Wait until a station has reported the outcome of `count` messages, at most within_s."""
         self.wait(lambda: self.meter.inside.told(station) >= count, within_s)
 
     def wait(self, is_over: Callable[[], bool], within_s: float = CONFIRMS_S) -> None:
-        """Take what comes until it is over, or for so long."""
+        """Process reports until is_over() returns True, at most within_s."""
         end_s = self.line() + within_s
         while not is_over() and self.line() < end_s and not self.is_cut:
             self._until(self.line() + LOOK_S, lambda: None, is_sending=False)
@@ -136,7 +152,7 @@ class Session:
                 idle()
 
     def take(self) -> None:
-        """What has come, and what is known of it by now."""
+        """Process the reports that have arrived, and settle messages every LOOK_S."""
         for watch in self.watches:
             watch.take()
         now_s = self.line()

@@ -1,4 +1,4 @@
-"""The tests of the paper, each as one command: stations of this machine, a meter, and what was injected beside it."""
+"""Tables of the paper: stations, a meter, and the injected loss."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -7,7 +7,9 @@ from typing import NamedTuple
 
 from drivers.message import Position
 from drivers.sim import drive
+from firmware.client import client
 from firmware.codec.library import load
+from firmware.endpoint.report import digest_of
 from firmware.lab.copies import Count
 from firmware.lab.laboratory import Bench, Link, bench, vectors
 from firmware.meter.fate import Fate
@@ -15,8 +17,6 @@ from firmware.meter.meter import Meter
 from firmware.meter.probe import Probes
 from firmware.meter.result import About, result
 from firmware.meter.session import Session, TimeLine
-from firmware.report import digest_of
-from firmware.user import client
 
 TABLE_1_S = 10.0
 RATE_HZ = 10.0
@@ -25,7 +25,12 @@ LAP_S = drive.drive().length_m / drive.SPEED_M_S
 
 
 class Shown(NamedTuple):
-    """What was measured, and whether that is what was injected; verdict: both in words."""
+    """Result of a table.
+
+    result    measured result.
+    verdict   comparison with the injected loss, as text.
+    is_right  the measured loss is the injected one.
+    """
 
     result: Mapping[str, object]
     verdict: list[str]
@@ -45,7 +50,7 @@ class _Measured(NamedTuple):
 
 @contextmanager
 def _metered(link: Link, interval_s: float, more: str = "") -> Iterator[_Measured]:
-    """Two stations side by side, and a meter at both."""
+    """Start two stations and a meter for both; yield them once the measurement has begun."""
     with bench(link, 0.0, None, more=more) as made, client.session() as context:
         line = TimeLine()
         session = Session(Meter(interval_s, GRACE_S), line)
@@ -56,11 +61,11 @@ def _metered(link: Link, interval_s: float, more: str = "") -> Iterator[_Measure
 
 
 def table_1(for_s: float | None, interval_s: float) -> Shown:
-    """Ten messages between two stations, each at 10 Hz both ways: what users sent, and what users received."""
+    """Exchange ten messages between two stations at 10 Hz each; compare the users' counts with the meter's."""
     duration_s = TABLE_1_S if for_s is None else for_s
     with _metered("udp", interval_s) as measured:
         seats, session = measured.made.seats, measured.session
-        ten = [place for place, vector in enumerate(vectors()) if not vector.is_beside]
+        ten = [index for index, vector in enumerate(vectors()) if not vector.is_beside]
         count = Count(vectors(), [seat.name for seat in seats])
 
         def hear() -> None:
@@ -69,10 +74,10 @@ def table_1(for_s: float | None, interval_s: float) -> Shown:
                     count.received(sender.name, message)
 
         def send(turn: int) -> None:
-            place = ten[turn % len(ten)]
+            index = ten[turn % len(ten)]
             for seat in seats:
-                seat.send(count.vectors[place])
-                count.sent(seat.name, place)
+                seat.send(count.vectors[index])
+                count.sent(seat.name, index)
             hear()
 
         turns = round(duration_s * RATE_HZ) * len(ten)
@@ -96,11 +101,11 @@ def table_1(for_s: float | None, interval_s: float) -> Shown:
 
 
 def table_3(for_s: float | None, interval_s: float, from_s: float = 0.0) -> Shown:
-    """CAMs at 10 Hz between a car that drives round a block of houses and a station at its corner, by radio.
+    """Send CAMs at 10 Hz, by radio, between a parked station and a car that drives round its block of houses.
 
-    The loss is that of the simulated radios: drivers/sim/radio/path.h, with the block between them.
+    The simulated radios cause the losses: drivers/sim/radio/path.h, with the block between them.
 
-    from_s  of the lap, where the drive begins.
+    from_s  start of the drive in seconds of the lap.
     """
     duration_s = LAP_S if for_s is None else for_s
     with _metered("radio", interval_s, drive.radio()) as measured:
@@ -114,10 +119,10 @@ def table_3(for_s: float | None, interval_s: float, from_s: float = 0.0) -> Show
         def send(turn: int) -> None:
             there = track.at(from_s + turn / RATE_HZ)
             radios[car.name].say(drive.at(there))
-            place = Position(there.latitude, there.longitude)
-            for seat, station_id, where in ((parked, PARKED_ID, drive.fixed(drive.PARKED)), (car, CAR_ID, place)):
+            position = Position(there.latitude, there.longitude)
+            for seat, station_id, where in ((parked, PARKED_ID, drive.fixed(drive.PARKED)), (car, CAR_ID, position)):
                 pdu = probes[seat.name].next(station_id, where)
-                session.meter.spots.place(digest_of(pdu), where)
+                session.meter.spots.note_message(digest_of(pdu), where)
                 seat.send_pdu(pdu)
 
         turns = round(duration_s * RATE_HZ)
@@ -127,14 +132,14 @@ def table_3(for_s: float | None, interval_s: float, from_s: float = 0.0) -> Show
         session.end()
         injected = {name: radio.lost() - before[name] for name, radio in radios.items()}
         notes = (
-            f"{parked.name} stands at a corner of a block of {drive.WIDTH_M:g} m x {drive.LENGTH_M:g} m, {car.name} "
+            f"{parked.name} is parked at a corner of a block of {drive.WIDTH_M:g} m x {drive.LENGTH_M:g} m, {car.name} "
             f"drives round it at {drive.SPEED_M_S * 3.6:.0f} km/h; radios: {drive.RADIO}",
         )
         about = measured.about("Table 3: 10 Hz CAM round a block of houses", "captain meter table3", notes)
         told = result(session.meter, about)
     found = {way.receiver: one.whole for way, one in session.meter.ways.items()}
     verdict = [
-        f"what {name} was to hear: {found[name].sent} sent, {injected[name]} lost by its radio; "
+        f"to {name}: {found[name].sent} sent, {injected[name]} lost by its radio; "
         f"measured: {found[name].arrived} arrived, {found[name].lost} lost"
         for name in radios
     ]
@@ -146,7 +151,7 @@ PARKED_ID, CAR_ID = 1001, 1002
 
 
 def _paced(session: Session, turns: int, rate_hz: float, send: Callable[[int], None]) -> None:
-    """So many turns at a rate, the meter taking what comes between them."""
+    """Call send() `turns` times at a rate; the meter processes reports between the calls."""
     start = time.monotonic()
     for turn in range(turns):
         session.serve(max(0.0, start + turn / rate_hz - time.monotonic()))

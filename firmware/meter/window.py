@@ -1,4 +1,4 @@
-"""The same figures for each averaging interval T: a time line."""
+"""Time line: figures of each averaging interval T."""
 
 from collections import OrderedDict
 from collections.abc import Iterator
@@ -6,11 +6,14 @@ from collections.abc import Iterator
 from firmware.meter.delay import one_way
 from firmware.meter.fate import Fate, Settled
 
-MOST = 7200  # intervals of a way: two hours of 1 s each
+MOST = 7200  # intervals of a direction; two hours at T = 1 s
 
 
 class Window:
-    """One interval. A message is of that in which it was told of that it had left; a gap, in which it ended."""
+    """Figures of one interval.
+
+    A message belongs to the interval in which its sending was reported; a gap to that of its end.
+    """
 
     __slots__ = (
         "arrived",
@@ -33,7 +36,7 @@ class Window:
         self.delay_us = self.delay_longest_us = self.gap_longest_s = self.rssi_dbm = 0.0
 
     def as_json(self) -> dict[str, object]:
-        """Means; null where nothing was measured."""
+        """Return means and counts as an object for JSON; null if nothing was measured."""
         return {
             "sent": self.sent,
             "arrived": self.arrived,
@@ -49,10 +52,10 @@ class Window:
 
 
 class Windows:
-    """Those of one way.
+    """Intervals of one direction.
 
-    length_s  T.
-    begun     index of the first interval that is kept; before, `forgotten` were.
+    length_s   interval T in seconds.
+    forgotten  number of the oldest intervals that were removed beyond the limit.
     """
 
     def __init__(self, length_s: float, most: int = MOST) -> None:
@@ -102,6 +105,6 @@ class Windows:
         return window
 
     def __iter__(self) -> Iterator[tuple[float, Window]]:
-        """When each began, on the one time line, in their order; those in which nothing was are left out."""
+        """Yield start time and figures of each interval in order; intervals without messages are omitted."""
         for index in sorted(self._windows):
             yield index * self.length_s, self._windows[index]

@@ -1,1 +1,5 @@
-"""A station's recorder: it hears frames, writes them down, and keeps what was before an event."""
+"""Recorder of a station: writes frames to files, and keeps those around an event.
+
+Face: child.
+Commands: record, extcap.
+"""

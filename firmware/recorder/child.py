@@ -1,4 +1,4 @@
-"""The recorder as a process of the station: told what to do by its first message, and what to keep by others."""
+"""Recorder process of a station: configured by the first message, triggered by later ones."""
 
 import json
 import math
@@ -8,21 +8,21 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from board.errors import StationError
+from board.runtime.errors import StationError
+from firmware.client import client
 from firmware.recorder.hearing import Hearing, say
 from firmware.recorder.recovery import restore, state_of
 from firmware.recorder.ring import Limits
 from firmware.recorder.sinks import Keeper
-from firmware.user import client
 
-NICE = 10  # routing goes first
+NICE = 10  # lets the station's routing run first
 TELL_S = 1.0
 MOST = 65536
 DRAIN_S = 0.2
 
 
 def serve(channel: socket.socket) -> None:
-    """Until the station says stop."""
+    """Record frames until the station closes the channel. The first message of the channel is the configuration."""
     os.nice(NICE)
     asked = json.loads(channel.recv(MOST) or b"{}")
     if not asked:
@@ -38,9 +38,9 @@ def serve(channel: socket.socket) -> None:
     with client.session() as context:
         try:
             hearing = Hearing(context, place, private=asked["private"])
-            hearing.on_status, hearing.on_time = keeper.know, keeper.time
+            hearing.sink = keeper
             ear = Ear(channel, keeper, hearing)
-            keeper.ring.on_file = ear.tell
+            keeper.ring.listener = ear
             for told in hearing.frames(ear.goes_on):
                 keeper.add(told)
         except StationError as error:
@@ -50,7 +50,7 @@ def serve(channel: socket.socket) -> None:
 
 
 class Ear:
-    """The station's end: what it asks, and what it is told once a second."""
+    """Channel to the station: receives triggers, sends the recorder's status once a second."""
 
     def __init__(self, channel: socket.socket, keeper: Keeper, hearing: Hearing) -> None:
         self._channel = channel
@@ -60,7 +60,7 @@ class Ear:
         self._ends = math.inf
 
     def goes_on(self) -> bool:
-        """Do what is asked; False when that is to stop."""
+        """Process the station's triggers and send a due status; return False when recording shall end."""
         while True:
             try:
                 message = self._channel.recv(MOST, socket.MSG_DONTWAIT)
@@ -74,16 +74,19 @@ class Ear:
         now = time.monotonic()
         if now >= self._told_at + TELL_S:
             self._told_at = now
-            self.tell()
+            self.send_status()
         return True
 
-    def tell(self) -> None:
-        """Status, and what the next process needs should this one be killed."""
+    def file_closed(self) -> None:
+        self.send_status()
+
+    def send_status(self) -> None:
+        """Send the status, with the counts from which the next process continues if this one is killed."""
         ring = self._keeper.ring
         state = state_of(ring)
         self._channel.send(json.dumps({**ring.status(), "state": state and state._asdict()}).encode())
 
     def _drains(self) -> bool:
-        """The station ends: what it told last is on its way for a moment."""
+        """Return whether to wait longer for the last frames: until DRAIN_S after the station has closed the channel."""
         self._ends = min(self._ends, time.monotonic() + DRAIN_S)
         return time.monotonic() < self._ends

@@ -1,4 +1,4 @@
-"""Signals that end a recording, or ask something of it, between two records."""
+"""Signals that end or trigger a recording, handled between two records."""
 
 import signal
 from types import FrameType
@@ -6,19 +6,17 @@ from typing import Self
 
 
 class Ending:
-    """Ctrl-C, SIGTERM, and SIGHUP of a terminal that is gone: they end a recording between two records.
+    """Defers the end of a recording at Ctrl-C, SIGTERM or SIGHUP until the current record is complete.
 
-    What is half written would not be read.
-
-    check() raises what the signal stands for, KeyboardInterrupt or SystemExit; so does leaving it. SIGUSR1 is an
-    operator who wants something kept.
+    A half-written record would be unreadable. check() raises KeyboardInterrupt or SystemExit after such a signal; so
+    does the end of the context. SIGUSR1 is the trigger of an operator.
     """
 
     def __init__(self) -> None:
         self._number = 0
         self._is_asked = False
         heard = [signal.SIGINT, signal.SIGTERM, signal.SIGUSR1]
-        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as nohup has it
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup ignores SIGHUP, and this must remain so
             heard.append(signal.SIGHUP)
         self._before = {one: signal.signal(one, self._note) for one in heard}
 
@@ -38,7 +36,7 @@ class Ending:
             raise SystemExit(0)
 
     def is_asked(self) -> bool:
-        """Whether an operator has asked since the last time."""
+        """Whether an operator has sent SIGUSR1 since the last call."""
         is_asked, self._is_asked = self._is_asked, False
         return is_asked
 

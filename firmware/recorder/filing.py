@@ -1,4 +1,4 @@
-"""A file that is written in whole blocks: a disk that is full or gone costs frames, which are counted, and no more."""
+"""Segments of a recording, written in whole blocks; counts frames lost to a full or absent disk."""
 
 import os
 import time
@@ -8,17 +8,18 @@ from contextlib import suppress
 from pathlib import Path
 
 from firmware.recorder.hearing import say
+from firmware.recorder.reported_frame import ReportedFrame
 from firmware.recorder.scribe import Scribe
-from firmware.recorder.told import Told
 
-LARGE = 1 << 16  # octets that are written at once, whatever the time
-STORE_S = 0.2  # whoever reads along sees them
-SYNC_S = 0.5  # a cut of power costs this, what waits for STORE_S, and what is on its way here: a second
-AGAIN_S = 1.0  # after it could not be written
+LARGE = 1 << 16  # buffered octets that are written at once, before STORE_S is over
+STORE_S = 0.2  # longest delay until a reader of the growing file sees a frame
+# A power failure loses up to one second: this interval, STORE_S, and the frames on their way to the recorder.
+SYNC_S = 0.5
+AGAIN_S = 1.0  # between attempts to open a file after an error
 
 
 class Segment:
-    """A file, opened to go on at its end. What is written waits for store(), which stores all of it or nothing."""
+    """File opened for appending. write() only fills a buffer; store() writes the whole buffer or nothing."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -36,7 +37,7 @@ class Segment:
         return len(self._waiting)
 
     def store(self) -> None:
-        """Raises OSError, having cut off what was written of it."""
+        """Write the buffer to the file. On an error, remove the part already written and raise OSError."""
         try:
             if not self._waiting:
                 return
@@ -52,7 +53,10 @@ class Segment:
         self._is_synced = False
 
     def sync(self) -> None:
-        """So that it outlives the power. Raises OSError, also where the file is no longer in its folder."""
+        """Flush the file to the disk.
+
+        Raises OSError on an error, and if the file was removed or replaced in its folder.
+        """
         if os.stat(self.path).st_ino != self._inode:
             raise FileNotFoundError(2, "another file has its name")
         if not self._is_synced:
@@ -60,7 +64,7 @@ class Segment:
             self._is_synced = True
 
     def close(self) -> None:
-        """One that holds nothing is removed: a full disk makes a file and takes nothing."""
+        """Close the file. Remove it if it is empty, as on a full disk, which creates files but accepts no data."""
         if not self._stored:
             with suppress(OSError):
                 self.path.unlink()
@@ -68,11 +72,11 @@ class Segment:
 
 
 class Filing:
-    """Writes frames into segments.
+    """Writes frames into consecutive segments.
 
-    open_    gives the next one; raises OSError.
-    closed   is told of each that nothing more is written to, and how many frames it has.
-    trouble  why nothing is written now; empty when it is.
+    open_    opens the next segment; may raise OSError.
+    closed   called with the path of each completed segment and its number of frames.
+    trouble  error that prevents writing; empty without one.
     """
 
     def __init__(
@@ -89,8 +93,9 @@ class Filing:
         self._closed = closed
         self._clock = clock
         self._segment: Segment | None = None
-        self._waiting: Counter[str] = Counter()  # frames by interface that are not stored
-        self._stored: Counter[str] = Counter()  # that the file takes along when it goes
+        self._waiting: Counter[str] = Counter()  # unwritten frames by interface
+        # Written frames of the current segment by interface; they count as lost if the file is removed.
+        self._stored: Counter[str] = Counter()
         self._stored_at = self._synced_at = self._tried_at = -AGAIN_S
 
     @property
@@ -99,10 +104,10 @@ class Filing:
 
     @property
     def in_file(self) -> Counter[str]:
-        """Frames by interface that are in the file or wait for it."""
+        """Number of frames by interface in the current segment, including its buffer."""
         return self._stored + self._waiting
 
-    def add(self, told: Told) -> None:
+    def add(self, told: ReportedFrame) -> None:
         self.scribe.add(told)
         if self._segment is not None:
             self._waiting[told.interface] += 1
@@ -110,7 +115,10 @@ class Filing:
                 self.store()
 
     def idle(self) -> None:
-        """A few times a second: writes what waits, and tries again what did not work."""
+        """Write the buffer when it is due, and open a segment again after an error.
+
+        The caller calls it a few times a second.
+        """
         now = self._clock()
         if self._segment is None and now >= self._tried_at + AGAIN_S:
             self._tried_at = now
@@ -122,7 +130,7 @@ class Filing:
             self._do(lambda segment: segment.sync())
 
     def begin(self) -> None:
-        """Go on in the next segment."""
+        """Complete the current segment and begin the next one."""
         self.end()
         try:
             self._segment = self._open()
@@ -132,7 +140,7 @@ class Filing:
         self.scribe.begin(self._segment)
         self.store()
         if self._segment is not None and self.trouble:
-            say(f"recording goes on: {self._segment.path}")
+            say(f"recording continues: {self._segment.path}")
             self.trouble = ""
 
     def store(self) -> None:
@@ -142,7 +150,7 @@ class Filing:
             self._waiting.clear()
 
     def end(self) -> None:
-        """The segment is whole, and nothing is written any more."""
+        """Complete the current segment, flush it to the disk and close it."""
         if self._segment is not None:
             self.scribe.end()
             self.store()
@@ -168,11 +176,11 @@ class Filing:
         return True
 
     def _failed(self, error: OSError) -> None:
-        """What waits is lost; the next try comes later."""
+        """Report an error and count the frames of the buffer as lost. idle() tries again after AGAIN_S."""
         why = error.strerror or str(error)
         where = self._segment.path if self._segment else error.filename or "recording"
         if not self.trouble:
-            say(f"{where}: {why.lower()}: frames are counted as lost until it can be written again")
+            say(f"{where}: {why.lower()}; frames count as lost until it can be written again")
         self.trouble = why
         self.troubles += 1
         self._tried_at = self._clock()

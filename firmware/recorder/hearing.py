@@ -1,30 +1,41 @@
-"""What a station tells a recorder, on one socket: who it is, what time it is, and each frame."""
+"""Reports that a recorder receives from a station: status, time and frames on one socket."""
 
 import sys
 import time
 from collections.abc import Callable, Iterator
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 import zmq
 
-from board.errors import StationError
-from firmware.recorder.told import Told, parse
-from firmware.user import client
+from board.runtime.errors import StationError
+from firmware.client import client
+from firmware.recorder.reported_frame import ReportedFrame, parse
 
-TURN_S = 0.2  # how often whoever records may look after its file while nothing comes
-AT_ONCE = 512  # frames taken before it may
+TURN_S = 0.2  # seconds between calls of idle() while no frame comes
+AT_ONCE = 512  # frames between two calls of idle() at most
 
 Status: TypeAlias = dict[str, object]
 
 
-class Hearing:
-    """Frames of one station, which may come and go.
+class StationSink(Protocol):
+    """Receiver of a station's status and time."""
 
-    on_status  is told who it is: before the first frame, and each time that it is another one or was started again;
-               empty where it does not say.
-    on_time    has its time object, once a second.
-    note       receives notes; None: standard error, as for the rest.
-    private    ZeroMQ address of the report port for the station's own recorder; empty: TCP.
+    def take_status(self, status: Status) -> None:
+        """Take the status: before the first frame, and after each change or restart of the station.
+
+        {}: status unknown.
+        """
+
+    def time(self, status: Status) -> None:
+        """Take the report of the station's time, once a second."""
+
+
+class Hearing:
+    """Frames reported by one station, which may stop and restart.
+
+    sink     receives the station's status and time; None: both are ignored.
+    note     prints notes; None: standard error, where warnings always go.
+    private  ZeroMQ address of the report port for the station's own recorder; empty: TCP.
     """
 
     def __init__(
@@ -36,20 +47,21 @@ class Hearing:
     ) -> None:
         self.place = place
         self._note = note or say
-        self.on_status: Callable[[Status], None] = lambda status: None
-        self.on_time: Callable[[Status], None] = lambda status: None
+        self.sink: StationSink | None = None
         self._subscriber = client.subscribe(context, place, place.report, "frame.", "time.", "status.", url=private)
         self._connections = self._subscriber.get_monitor_socket(zmq.EVENT_CONNECTED)
         self._is_status_wanted = True
-        self.is_known = False  # who the station is, or that it does not say
-        self._early: list[Told] = []  # before its status
+        self.is_known = False  # the status has arrived, or the station sends none
+        self._early: list[ReportedFrame] = []  # frames received before the status
         self._asked = self._heard = time.monotonic()
         self.is_heard = self._is_silent = False
 
-    def frames(self, idle: Callable[[], bool]) -> Iterator[Told]:
-        """As they come. idle is called between them and while there are none, a few times a second: False ends it.
+    def frames(self, idle: Callable[[], bool]) -> Iterator[ReportedFrame]:
+        """Yield frames as they arrive.
 
-        Raises StationError where what listens there is no station.
+        idle  called after each batch of frames and at least every TURN_S; returning False ends the iteration.
+
+        Raises StationError if no report arrives within client.ANSWER_S: the port does not belong to a station.
         """
         while idle():
             self._subscriber.poll(round(TURN_S * 1000))
@@ -74,11 +86,12 @@ class Hearing:
         if topic == "status.":
             self._want_status(False)
             self._know(said)
-        elif topic == "time.":
-            self.on_time(said)
+        elif topic == "time." and self.sink is not None:
+            self.sink.time(said)
 
     def _know(self, status: Status) -> None:
-        self.on_status(status)
+        if self.sink is not None:
+            self.sink.take_status(status)
         self.is_known = True
 
     def _heard_now(self) -> None:
@@ -92,7 +105,7 @@ class Hearing:
         self._heard = now
 
     def _look(self) -> None:
-        """Another connection may be another station, or the same one that was started again."""
+        """Subscribe to the status again after a reconnection: the station may have restarted or be another one."""
         while self._connections.poll(0):
             self._connections.recv_multipart()
             self.is_known = False
@@ -106,9 +119,8 @@ class Hearing:
 
     def _check(self) -> None:
         if self.is_heard and not self._is_silent and time.monotonic() > self._heard + client.ANSWER_S:
-            say(
-                f"the station is silent: nothing is recorded until {self.place.host}:{self.place.report} is heard again"
-            )
+            where = f"{self.place.host}:{self.place.report}"
+            say(f"{where}: the station is silent; recording continues when it is heard again")
             self._is_silent = True
         if self.is_known or time.monotonic() < self._asked + client.ANSWER_S:
             return
@@ -116,11 +128,11 @@ class Hearing:
             self._know({})
         else:
             raise StationError(
-                f"what listens at {self.place.host}:{self.place.report} says nothing",
-                "is that a station's report port? name it with --report PORT",
+                f"{self.place.host}:{self.place.report}: no report from this port",
+                "name the report port of a station: --report PORT",
             )
 
 
 def say(text: str) -> None:
-    """To whoever reads standard error, at once: programs wait for it."""
+    """Print a note to standard error at once, unbuffered: other programs wait for it."""
     print(f"captain: {text}", file=sys.stderr, flush=True)

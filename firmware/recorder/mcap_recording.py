@@ -1,4 +1,4 @@
-"""MCAP recording of the messages that users receive, as messages of ROS 2."""
+"""Recording of received messages in MCAP, as messages of ROS 2."""
 
 import re
 import time
@@ -6,26 +6,27 @@ from collections import Counter
 from typing import BinaryIO, NamedTuple
 
 from firmware import VERSION
-from firmware.codec import ros2
+from firmware.client.received import Message
 from firmware.codec.decoding import Decoder
 from firmware.codec.identify import Identity
 from firmware.codec.library import Library
-from firmware.user import reception
-from firmware.user.mcap import Mcap
-from firmware.user.received import Message
+from firmware.recorder import ros2
+from firmware.recordings import reception
+from firmware.recordings.mcap import Mcap
 
 FLUSH_S = 2.0
-MOST_NAMES = 300  # more than there are messageIDs: a station that makes names up fills no recording with topics
+# Limit of topics for unknown types, above the number of messageIDs: a station with invented names cannot fill the file.
+MOST_NAMES = 300
 
 
-# The profile "ros2" of MCAP asks for it. rosbag2 reads a text that is not empty as profiles with all nine keys,
-# in words or numbers by the version of a record that it alone writes; for an empty one it takes its default, which is
-# reliable and volatile, as the gateway publishes. Source: rosbag2_storage, qos.cpp: Rosbag2QoS::decode.
+# The MCAP profile "ros2" requires this key. rosbag2 parses a nonempty text as a list of QoS profiles with all nine
+# keys. Their format depends on a version that only rosbag2 itself writes. For an empty text it uses its default,
+# reliable and volatile, which is also what the gateway publishes. Source: rosbag2_storage, qos.cpp: Rosbag2QoS::decode.
 QOS = {"offered_qos_profiles": ""}
 
 
 class Topic(NamedTuple):
-    """Topic of an edition; `write` makes CDR of a decoded message."""
+    """MCAP topic of one message edition; `write` converts a decoded message to CDR."""
 
     name: str
     channel: int
@@ -33,9 +34,9 @@ class Topic(NamedTuple):
 
 
 def topic_names(library: Library) -> dict[str, str]:
-    """Return the topic prefix of each edition, before /received: `cam` for the preferred one, `cam_2_1_1` for others.
+    """Return the topic prefix of each edition: `cam` for the preferred one, `cam_2_1_1` for another.
 
-    Both forms of a message have one topic.
+    A topic's full name is the prefix and /received. Both forms of an edition share one topic.
     """
     preferred = {library.find(message.type).name for message in library.all()}
     names = {message.name: message.form_of or message.name for message in library.all()}
@@ -46,7 +47,7 @@ def topic_names(library: Library) -> dict[str, str]:
 
 
 class Recording:
-    """Messages into MCAP; a topic begins with its first message."""
+    """Recording of messages to MCAP. A topic is created at its first message."""
 
     def __init__(self, stream: BinaryIO, library: Library) -> None:
         self._mcap = Mcap(stream, "ros2", f"captain {VERSION}")
@@ -60,7 +61,10 @@ class Recording:
         self._doubtful: Counter[str] = Counter()
 
     def add(self, message: Message) -> None:
-        """A message, by the time of its reception."""
+        """Record a message: decoded if an edition matches, always with its metadata and octets.
+
+        Its time is that of its reception.
+        """
         received_ns = max(0, message.raw.received_ns) if message.raw is not None else time.time_ns()
         found = self._decoder.find(message.pdu)
         if isinstance(found, Identity) and found.message.name in self._types:
@@ -81,7 +85,7 @@ class Recording:
         self._mcap.add(self._metadata[name], received_ns, reception.cdr(message, received_ns, sequence, edition))
 
     def _name_of(self, message: Message) -> str:
-        """That ROS takes in a topic, for what no edition takes: the type that the station gave it, or its messageID."""
+        """Return a topic prefix for an undecodable message: the type given by the station, or its messageID."""
         name = re.sub(r"\W", "_", message.type) or f"id_{message.message_id}"
         return name if name in self._metadata or len(self._metadata) < MOST_NAMES else "others"
 
@@ -96,17 +100,17 @@ class Recording:
         return self._topics[edition]
 
     def idle(self) -> None:
-        """Messages that are few get into the file as well."""
+        """Write buffered messages to the file every FLUSH_S, so that rare messages do not wait for a full chunk."""
         if time.monotonic() - self._flushed >= FLUSH_S:
             self._flushed = time.monotonic()
             self._mcap.flush()
 
     def close(self) -> None:
-        """The file is whole then."""
+        """Complete the file."""
         self._mcap.close()
 
     def summary(self) -> str:
-        """Counts of the messages of each edition, in words."""
+        """Return the number of messages per edition as text."""
         words = [f"{self._mcap.counts[topic.channel]} {edition}" for edition, topic in sorted(self._topics.items())]
         words += [f"{count} {name} that no edition takes, as octets" for name, count in sorted(self._unknown.items())]
         words += [f"{count} doubtful {doubt}" for doubt, count in sorted(self._doubtful.items())]

@@ -1,4 +1,4 @@
-"""Counts of a recorder that was killed: its last word to the station, and the files that it left."""
+"""Counts of a killed recorder: restored from its last report and its files."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -6,21 +6,23 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from board.errors import StationError
-from firmware.codec import capture
+from board.runtime.errors import StationError
 from firmware.recorder.ring import NAME, Ring
+from firmware.recordings import capture
 
 Counts = Mapping[str, int]
 
 
-class State(NamedTuple):
-    """A recorder's counts, all by interface, at a moment.
+class RecorderCounts(NamedTuple):
+    """Counts of a recorder at one moment; those in mappings are by interface.
 
-    number   of the first file whose frames are not in stored.
-    stored   frames in files that are whole.
-    written  frames that were given to a file; some may wait for it.
-    gone     known to be lost. missing, killed: of these, as Scribe has it.
-    reached  `total` of the last frame that is in either count.
+    number   number of the first file whose frames are not counted in stored.
+    stored   frames in completed files.
+    written  frames given to a file, including buffered ones.
+    gone     lost frames.
+    missing  part of gone that was lost between station and recorder.
+    killed   part of gone that was lost with an earlier process.
+    reached  the station's `total` of the last frame that is counted as written or lost.
     """
 
     number: int
@@ -32,12 +34,12 @@ class State(NamedTuple):
     reached: Counts
 
 
-def state_of(ring: Ring) -> State | None:
-    """None until it is known which files of the folder are this station's."""
+def state_of(ring: Ring) -> RecorderCounts | None:
+    """Return the present counts of a ring; None until it has read its folder."""
     scribe, filing = ring.filing.scribe, ring.filing
     if not ring.is_known:
         return None
-    return State(
+    return RecorderCounts(
         ring.number if filing.path else ring.number + 1,
         dict(scribe.written - filing.in_file),
         dict(scribe.written),
@@ -49,11 +51,14 @@ def state_of(ring: Ring) -> State | None:
 
 
 def restore(ring: Ring, told: Mapping[str, Any]) -> None:
-    """Go on with the counts that a process told the station last, before it was killed.
+    """Continue from the last counts that a recorder reported before it was killed.
 
-    A frame in its files is written, whatever it told of that; each other one up to the last that is known is lost.
+    told  RecorderCounts as a mapping.
+
+    A frame found in the files counts as written, whatever the report says. All other frames up to the last known one
+    count as lost.
     """
-    state, scribe = State(**told), ring.filing.scribe
+    state, scribe = RecorderCounts(**told), ring.filing.scribe
     files = _left(ring.folder, state.number)
     ring.go_on(max([state.number - 1, *files]))
     written = Counter(state.stored)
@@ -69,11 +74,11 @@ def restore(ring: Ring, told: Mapping[str, Any]) -> None:
     for name, total in reached.items():
         gone = state.gone.get(name, 0)
         given = state.written.get(name, 0) + gone + total - state.reached.get(name, 0)
-        scribe.lose(name, max(0, given - written[name] - gone))
+        scribe.count_lost(name, max(0, given - written[name] - gone))
 
 
 def _left(folder: Path, number: int) -> dict[int, Path]:
-    """Files of a folder from a number on."""
+    """Return the recordings of a folder from a number on, by number; empty if the folder cannot be read."""
     with suppress(OSError):
         found = ((path, NAME.fullmatch(path.name)) for path in folder.iterdir())
         return {int(match[2]): path for path, match in found if match and int(match[2]) >= number}
@@ -81,6 +86,6 @@ def _left(folder: Path, number: int) -> dict[int, Path]:
 
 
 def _frames(path: Path) -> Iterator[capture.Frame]:
-    """Whole frames of a file, whose last block may be cut off."""
+    """Yield the complete frames of a file, up to a truncated block."""
     with suppress(OSError, StationError), path.open("rb") as stream:
         yield from capture.frames(stream.read(len(capture.PCAPNG)), stream)

@@ -1,4 +1,4 @@
-"""A ring of files: so many octets and seconds of all that was heard, and what was kept of it for a reason."""
+"""Ring of recordings: bounded in size and age, keeps files around events."""
 
 import errno
 import fcntl
@@ -11,23 +11,23 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
-from firmware.codec.capture import PCAPNG
 from firmware.recorder.filing import Filing, Segment
 from firmware.recorder.hearing import say
+from firmware.recorder.reported_frame import ReportedFrame
 from firmware.recorder.scribe import Scribe
 from firmware.recorder.shares import Shares, key_of, word_of
-from firmware.recorder.told import Told
-from firmware.storage import VOLATILE, kind_of
+from firmware.recordings.capture import PCAPNG
+from firmware.station.storage import VOLATILE, kind_of
 
-# The ring turns in so many steps: the oldest of them goes at a time.
+# Number of files into which the ring's size and age are divided; the oldest is deleted to make room for the next.
 PARTS = 16
 LEAST_S = 1.0
-# An event is no longer, whatever triggers meanwhile: what follows is the next one.
+# Limit of one event; a later trigger begins another event.
 LONGEST_EVENT_S = 60.0
-LONGEST_WHY = 200  # characters of the reasons of an event, for the log
-# Left to others on the same disk, or a twentieth of it where it is small.
+LONGEST_WHY = 200  # characters of an event's reasons in the log
+# Room left free on the disk for other programs; on a small disk, a twentieth of its size.
 LEAVE = 64 << 20
 NAME = re.compile(r"(ring|kept)-(\d{8})-.*\.pcapng")
 
@@ -38,12 +38,13 @@ log = logging.getLogger("captain.recorder")
 
 @dataclass(frozen=True)
 class Limits:
-    """How much there may be.
+    """Limits of a ring.
 
-    size             octets of the ring, and again of what is kept.
-    age_s            of the ring.
-    before_s, after_s  kept of an event.
-    is_memory_fine   whether the folder may be in memory, as it is where a card has not been mounted.
+    size             octets of the ring; kept files may use as much again.
+    age_s            age of the oldest file in seconds.
+    before_s         seconds kept before an event.
+    after_s          seconds kept after an event.
+    is_memory_fine   the folder may be in memory, such as the mount point of an unmounted card.
     """
 
     size: int = 256 << 20
@@ -54,7 +55,7 @@ class Limits:
 
 
 class Closed(NamedTuple):
-    """A file of the ring that is whole; ended as the ring's clock has it."""
+    """Completed file of the ring; ended: time of its end by the ring's clock."""
 
     path: Path
     size: int
@@ -62,15 +63,22 @@ class Closed(NamedTuple):
 
     @property
     def number(self) -> int:
-        """That is in its name."""
+        """Number in the file's name."""
         return int(self.path.name.split("-")[1])
 
 
-class Ring:
-    """Files `ring-NUMBER-TIME.pcapng` of a folder, and `kept-NUMBER-TIME-WHY.pcapng`, which stay for longer.
+class FileListener(Protocol):
+    """Receiver of notices that a file is complete."""
 
-    clock  monotonic.
-    on_file  called when the file before is whole and the next is not yet begun: what is counted now is on the disk.
+    def file_closed(self) -> None:
+        """Take the notice between two files, when all counted frames are on the disk."""
+
+
+class Ring:
+    """Files `ring-NUMBER-TIME.pcapng` of a folder, and kept files `kept-NUMBER-TIME-WHY.pcapng`.
+
+    clock     monotonic clock in seconds.
+    listener  notified of each completed file; None: no notices.
     """
 
     def __init__(
@@ -78,28 +86,30 @@ class Ring:
     ) -> None:
         self.folder = folder
         self.kept = self.not_kept = 0
-        self.on_file: Callable[[], None] = lambda: None
-        self.number, self.is_known = 0, False  # of the last file, and whether the folder was looked at
+        self.listener: FileListener | None = None
+        self.number, self.is_known = 0, False  # number of the last file, and whether the folder was read
         self.filing = Filing(scribe, self._open, self._note, clock)
         self._limits = limits
         self._clock = clock
         self._closed: list[Closed] = []
         self._shares = Shares(limits.size)
         self._begun = clock()
-        self._why = self._word = ""  # all reasons of the event; the one whose share the next file counts in
+        # All reasons of the current event, and the reason whose share counts the next kept file.
+        self._why = self._word = ""
         self._until = self._longest = 0.0
-        self._is_whole, self._names = True, 0  # of the event: whether all, how many files are kept
-        self._is_full = False  # the share that the next file counts in
+        # State of the current event: whether all its files were kept, and the number of kept files.
+        self._is_whole, self._names = True, 0
+        self._is_full = False  # True if the share of _word has no room for another file
         self._lock: int | None = None
         self._place = 0, 0
 
-    def add(self, told: Told) -> None:
+    def add(self, told: ReportedFrame) -> None:
         self.filing.add(told)
         if self.filing.scribe.size >= self._limits.size // PARTS:
             self.filing.begin()
 
     def idle(self) -> None:
-        """A few times a second."""
+        """Begin the next file or end an event when it is due. The caller calls it a few times a second."""
         now = self._clock()
         if self._why and now >= self._until:
             self._end_of_event()
@@ -108,7 +118,12 @@ class Ring:
         self.filing.idle()
 
     def trigger(self, why: str) -> None:
-        """Keep what was before, at once, and what comes for some seconds; a trigger meanwhile makes that longer."""
+        """Keep the files of before_s before now and after_s after it.
+
+        A further trigger extends the time, at most to LONGEST_EVENT_S.
+
+        why  reason, which becomes part of the file names.
+        """
         now = self._clock()
         after_s, word = self._limits.after_s, word_of(why)
         if not self._why:
@@ -123,11 +138,11 @@ class Ring:
         self._why, self._word = why, word
         self._is_whole, self._names = True, 0
         self._is_full = False
-        with suppress(OSError):  # an operator removes what is kept, when there is enough of it
+        with suppress(OSError):  # the folder cannot be read, for example because the card was removed
             self._shares.look(self.folder)
-        say(f"kept because of {why}: {self._limits.before_s:g} s before and {self._limits.after_s:g} s after")
+        say(f"{why}: keeping {self._limits.before_s:g} s before and {self._limits.after_s:g} s after")
         before = [one for one in self._closed if one.ended >= since]
-        # The file that is being written first: it has what triggers, and its name, should this be the end.
+        # The current file is closed and kept first, because it contains the trigger itself.
         self.filing.begin()
         for one in reversed(before):
             self._keep(one)
@@ -136,24 +151,45 @@ class Ring:
         return self._shares.taken(key_of(word)) < self._shares.taken(key_of(self._word))
 
     def _share(self, word: str, now: float) -> None:
-        """What comes counts in another share: in that of a station that has little, it stays for longer."""
+        """Count further files of the event in the share of another reason.
+
+        The caller chooses a reason with less kept data, whose files are removed later.
+        """
         if now >= self._begun + LEAST_S:
             self.filing.begin()
         self._word = word
         self._is_full = False
 
     def close(self) -> None:
-        """What was to be kept is kept."""
+        """End the current event, complete the file and release the folder."""
         if self._why:
             self._end_of_event()
         self.filing.end()
         self._let_go()
 
     def go_on(self, number: int) -> None:
-        """Files up to this number are there already."""
+        """Continue numbering files after this number, and mark the folder as read."""
         self.number, self.is_known = max(self.number, number), True
 
     def status(self) -> dict[str, object]:
+        """Return the ring's part of the status.
+
+        folder        folder of the ring.
+        file          name of the current file; empty if no file is open.
+        octets        size of the ring's files.
+        files         number of completed files.
+        kept          number of events whose files were all kept.
+        kept_octets   size of the kept files.
+        kept_removed  number of kept files that were removed for newer ones.
+        not_kept      number of events that were not completely kept.
+        frames        number of recorded frames.
+        lost          number of lost frames.
+        lost_by.way   frames lost between station and recorder.
+        lost_by.disk  frames lost because the disk was full or absent.
+        lost_by.restart  frames lost in a restart of the recorder.
+        trouble       current error of the disk; empty without one.
+        troubles      number of disk errors.
+        """
         filing = self.filing
         return {
             "folder": str(self.folder),
@@ -177,7 +213,7 @@ class Ring:
         return {"way": scribe.missing, "disk": disk, "restart": scribe.killed}
 
     def _note(self, path: Path, frames: int) -> None:
-        """A file that nothing more is written to; one that cannot write took what it could, one without frames goes."""
+        """Add a completed file to the ring, and keep it during an event; remove it if it has no frames."""
         try:
             if not frames:
                 path.unlink(missing_ok=True)
@@ -191,11 +227,15 @@ class Ring:
             self._keep(one)
 
     def _open(self) -> Segment:
-        """The next file, with room for it. Raises OSError."""
+        """Open the next file after removing old ones.
+
+        Raises OSError if the folder has no room, is locked or in memory.
+        """
         if not self._limits.is_memory_fine and kind_of(MOUNTS, self.folder) in VOLATILE:
-            raise OSError(errno.ENODEV, "it is in memory: its card is not mounted", str(self.folder))
+            raise OSError(errno.ENODEV, "in memory: the card is not mounted", str(self.folder))
         self._claim()
-        self.on_file()
+        if self.listener is not None:
+            self.listener.file_closed()
         self._prune()
         self._begun = self._clock()
         self.number += 1
@@ -203,7 +243,10 @@ class Ring:
         return Segment(self.folder / f"ring-{self.number:08d}-{when}.pcapng")
 
     def _claim(self) -> None:
-        """Make the folder this recorder's, and know what is in it: another card is another folder."""
+        """Lock and read the folder, unless it is still the same one: a replaced card is another folder.
+
+        Raises OSError if another recorder has locked it.
+        """
         found = os.stat(self.folder)
         if self._lock is not None and (found.st_dev, found.st_ino) == self._place:
             return
@@ -214,7 +257,7 @@ class Ring:
             self._look()
         except BlockingIOError:
             os.close(lock)
-            raise OSError(errno.EBUSY, "another recorder writes into this folder", str(self.folder)) from None
+            raise OSError(errno.EBUSY, "another recorder writes to this folder", str(self.folder)) from None
         except OSError:
             os.close(lock)
             raise
@@ -226,7 +269,7 @@ class Ring:
             self._lock = None
 
     def _look(self) -> None:
-        """What earlier runs have left: the last may end in the middle of a block."""
+        """Find the files of earlier runs, and truncate the last one after its last whole block."""
         now = self._clock()
         found = [(path, match) for path in self.folder.iterdir() if (match := NAME.fullmatch(path.name))]
         names = sorted((int(match[2]), path, match[1]) for path, match in found)
@@ -241,13 +284,13 @@ class Ring:
         self.go_on(names[-1][0] if names else 0)
 
     def _prune(self) -> None:
-        """Remove the oldest until the next one has its room. Raises OSError where there is none."""
+        """Remove the oldest files until the next one has room. Raises OSError if the disk has no room even then."""
         part = self._limits.size // PARTS
         while self._closed and self._is_too_much(part):
             self._closed[0].path.unlink(missing_ok=True)
             self._closed.pop(0)
         if (free := _room(self.folder)) <= 0:
-            raise OSError(errno.ENOSPC, f"no room: {-free} octets less than are left to others", str(self.folder))
+            raise OSError(errno.ENOSPC, f"no room: {-free} octets short of the part that stays free", str(self.folder))
 
     def _is_too_much(self, part: int) -> bool:
         oldest = self._closed[0].ended < self._clock() - self._limits.age_s
@@ -263,7 +306,7 @@ class Ring:
         self.filing.begin()
 
     def _keep(self, one: Closed) -> None:
-        """Give a file the name by which it stays, where its share has room for it."""
+        """Keep a file by renaming it, if its share has room; otherwise report the event as incomplete."""
         try:
             if self._is_full or not self._shares.is_room(one.size, key_of(self._word)):
                 self._lacks_room()
@@ -277,16 +320,16 @@ class Ring:
         self._closed.remove(one)
 
     def _lacks_room(self) -> None:
-        """What follows is not kept either, so that what is kept has no gap."""
+        """Keep no further file of the event, so that the kept files have no gap between them."""
         if self._is_whole:
-            say(f"not all is kept: {self._why}: more than its share of {self._limits.size} octets")
+            say(f"{self._why}: not completely kept: larger than its share of {self._limits.size} octets")
         self._is_full, self._is_whole = True, False
 
 
 def mend(path: Path) -> None:
-    """Cut a recording off after its last whole block: the power may have failed. Raises OSError.
+    """Truncate a recording after its last whole block, as needed after a power failure. Raises OSError.
 
-    One without any is removed; what begins otherwise is no recording, and left alone.
+    A file without a whole block is removed. A file that is not a recording is left unchanged.
     """
     with path.open("r+b") as file:
         size, good = os.fstat(file.fileno()).st_size, 0
@@ -304,7 +347,7 @@ def mend(path: Path) -> None:
 
 
 def _room(folder: Path) -> int:
-    """Octets that may still be written into a folder; less than 0 where others need them."""
+    """Return the octets that may still be written to a folder; negative if less than the reserve is free."""
     found = os.statvfs(folder)
     size = found.f_blocks * found.f_frsize
     return found.f_bavail * found.f_frsize - min(LEAVE, size // 20)

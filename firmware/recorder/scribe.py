@@ -1,22 +1,24 @@
-"""Frames into pcapng: sections that say whose they are, interfaces with their names, and what is missing."""
+"""Writer of frames to pcapng: sections, interfaces, comments, counts of lost frames."""
 
 from collections import Counter
 from collections.abc import Mapping
 
 from firmware import VERSION
-from firmware.codec.pcapng import Direction, Pcapng, Stream
-from firmware.recorder.told import MOST, Told, comment_of, kept_of
+from firmware.recorder.reported_frame import MOST, ReportedFrame, comment_of, kept_of
+from firmware.recordings.pcapng import Direction, Pcapng, Stream
 
-# What of a status a recording says of its station.
+# Keys of the station's status that are written to the header of a section.
 KNOWN = ("station", "version", "profile", "configuration", "boot", "pid")
 
 
 class Scribe:
-    """Writes what is told; a recording may go on in another stream.
+    """Writes reported frames to a stream, and can continue in another stream.
 
-    written  frames, by interface. gone: that were not, as far as is known.
-    missing  of these, what was lost on the way here. killed: with a process that wrote before this one.
-    reached  by interface, the `total` of the last frame that is in either count.
+    written  written frames by interface.
+    gone     lost frames by interface.
+    missing  part of gone that was lost between station and recorder.
+    killed   part of gone that was lost with an earlier process.
+    reached  by interface, the station's `total` of the last frame counted as written or lost.
     """
 
     def __init__(self) -> None:
@@ -29,12 +31,13 @@ class Scribe:
         self._descriptions: dict[str, str] = {}
         self._pcapng: Pcapng | None = None
         self._stream: Stream | None = None
-        self._totals: dict[str, int] | None = None  # of the last status, until settle()
-        self._is_settled = False  # frames of interfaces that no status names count from the first on
-        self._successor: set[str] | None = None  # interfaces of which something was heard after restore()
-        self._last: dict[str, int] = {}  # sequence by interface, of a station that says no total
-        self._lost: Counter[str] = Counter()  # by interface, since its last frame that was written
-        self._written: Counter[str] = Counter()  # of this section
+        self._totals: dict[str, int] | None = None  # totals of the last status by interface, until settle() counts them
+        # True after settle(): frames of a new interface are then counted from its first one on
+        self._is_settled = False
+        self._successor: set[str] | None = None  # interfaces with a frame since restore(); None without restore()
+        self._last: dict[str, int] = {}  # last sequence number by interface, for a station that reports no total
+        self._lost: Counter[str] = Counter()  # lost frames by interface since its last written frame
+        self._written: Counter[str] = Counter()  # written frames of this section by interface
         self._gone: Counter[str] = Counter()
         self._when_ns = 0
 
@@ -48,11 +51,11 @@ class Scribe:
 
     @property
     def size(self) -> int:
-        """Octets of this section."""
+        """Octets of the current section."""
         return self._pcapng.size if self._pcapng else 0
 
-    def know(self, status: Mapping[str, object]) -> None:
-        """Who the station is, by its status; another start of it begins another section."""
+    def take_status(self, status: Mapping[str, object]) -> None:
+        """Take the status of the station; a restart of the station begins another section."""
         about = {key: status[key] for key in KNOWN if key in status}
         interfaces = status.get("interfaces")
         if isinstance(interfaces, dict):
@@ -71,33 +74,39 @@ class Scribe:
             self._totals = {name: total for name, total in totals.items() if _is_count(total)}
 
     def settle(self) -> None:
-        """Count what the status says was told, once the frames that came before it were added."""
+        """Count as lost the frames that the status reports but that have not arrived.
+
+        Frames that arrived before the status are already counted.
+        """
         totals, self._totals = self._totals, None
         if totals is None:
             return
         for interface, total in totals.items():
             if self._successor is None and interface not in self.reached:
-                self.reached[interface] = total  # told before this recording began
+                self.reached[interface] = total  # these were reported before the recording began
             self._reach(interface, total + 1)
             self.reached[interface] = max(total, self.reached.get(interface, 0))
         self._is_settled = True
 
     def restore(self, written: Mapping[str, int], gone: Mapping[str, int], reached: Mapping[str, int]) -> None:
-        """Go on where another process was killed; what it did not write is lost, and so is what came meanwhile."""
+        """Continue the counts of a killed process.
+
+        Frames that it did not write, and those reported since, count as lost.
+        """
         self.written.update(written)
         self.gone.update(gone)
         self.reached.update(reached)
         self._successor = set()
 
     def begin(self, stream: Stream) -> None:
-        """Go on in a stream, with a section of its own."""
+        """Begin a section in a stream."""
         self.end()
         words = ", ".join(f"{key} {value}" for key, value in self._about.items())
         self._stream = stream
         self._pcapng = Pcapng(stream, f"captain {VERSION}", f"recorded by captain {VERSION}; {words}", self._about)
 
     def end(self) -> None:
-        """Write down how many frames the section has of each interface, and how many it has not."""
+        """Write the statistics of the section: written and lost frames of each interface; then stop writing."""
         if self._pcapng is not None:
             for interface in self._written | self._lost:
                 lost = self._gone[interface] + self._lost[interface]
@@ -105,13 +114,13 @@ class Scribe:
         self.abandon()
 
     def abandon(self) -> None:
-        """The stream takes nothing any more."""
+        """Stop writing to the stream, without statistics."""
         self._pcapng = self._stream = None
         self._written.clear()
         self._gone.clear()
 
-    def add(self, told: Told) -> None:
-        """Write a frame; without a stream it is lost, and the next one says so."""
+    def add(self, told: ReportedFrame) -> None:
+        """Write a frame. Without a stream it counts as lost; the comment of the next written frame gives the number."""
         self.pass_over(told)
         if self._pcapng is None:
             self._lost[told.interface] += 1
@@ -130,10 +139,10 @@ class Scribe:
         self._gone[told.interface] += lost
         self._when_ns = told.when_ns
 
-    def pass_over(self, told: Told) -> None:
-        """A frame that nobody wants: counted is what was lost before it.
+    def pass_over(self, told: ReportedFrame) -> None:
+        """Count the losses before a frame that is not itself written.
 
-        That are numbers which are left out, and what the station did not tell of.
+        Losses are gaps in the sequence, and frames that the station did not report.
         """
         sequence, missed, total = (told.said.get(key) for key in ("sequence", "missed", "total"))
         if not isinstance(sequence, int) or not isinstance(missed, int):
@@ -151,16 +160,19 @@ class Scribe:
         self._lack(interface, gap + missed)
 
     def _reach(self, interface: str, total: int) -> None:
-        """All that is missing up to a frame is lost: with the process before, where nothing was heard since."""
+        """Count all frames between the last known one and `total` as lost.
+
+        At the first frame of an interface since restore(), they count as lost with the earlier process.
+        """
         gap = total - self.reached.get(interface, 0) - 1
         if self._successor is not None and interface not in self._successor:
             self._successor.add(interface)
-            self.lose(interface, max(0, gap))
+            self.count_lost(interface, max(0, gap))
         else:
             self._lack(interface, max(0, gap))
 
-    def lose(self, interface: str, count: int) -> None:
-        """Frames that went with the process before."""
+    def count_lost(self, interface: str, count: int) -> None:
+        """Count frames as lost with the earlier process."""
         self.killed += count
         self._lost[interface] += count
         self.gone[interface] += count
@@ -171,7 +183,7 @@ class Scribe:
         self.gone[interface] += count
 
     def unwrite(self, count: Mapping[str, int]) -> None:
-        """Frames that were given to a stream did not get into its file after all."""
+        """Count frames as lost, by interface, that were given to a stream but not written."""
         for interface, number in count.items():
             self._lost[interface] += number
             self.written[interface] -= number

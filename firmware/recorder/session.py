@@ -1,37 +1,38 @@
-"""A recording of frames from its begin to its end: by a count, a duration, a signal."""
+"""Recording of frames until a count, a duration or a signal."""
 
 import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from board.errors import StationError
+from board.runtime.errors import StationError
+from firmware.client import client
+from firmware.client.listening import ListenFilter
 from firmware.recorder.ending import Ending
 from firmware.recorder.hearing import Hearing, say
+from firmware.recorder.reported_frame import ReportedFrame
 from firmware.recorder.sinks import Keeper, Sink
-from firmware.recorder.told import Told
 from firmware.recorder.triggers import OPERATOR
-from firmware.user import client
-from firmware.user.listening import Wish
 
 
 def record(
     place: client.Address,
-    wish: Wish,
+    wish: ListenFilter,
     make: Callable[[], Sink],
     name: str,
     note: Callable[[str], None] = say,
 ) -> int:
-    """Frames of a station into what is made once it is there; returns the exit status.
+    """Record frames of a station to the sink that `make` opens; return the exit status.
 
-    name  of where they go, in words.
-    note  receives notes; losses and a station that falls silent go to standard error.
+    name  name of the sink in messages.
+    note  prints notes; losses and a silent station are always reported on standard error.
 
-    The status is 1 where some could not be written. Raises StationError, and KeyboardInterrupt once all is written.
+    The exit status is 1 if frames could not be written. Raises StationError if no station is heard, and
+    KeyboardInterrupt after Ctrl-C, once all frames are written.
     """
     with client.session() as context, suppress(SystemExit), Ending() as ending:
         hearing = Hearing(context, place, note)
         sink = make()
-        hearing.on_status, hearing.on_time = sink.know, sink.time
+        hearing.sink = sink
         end = time.monotonic() + wish.for_s if wish.for_s is not None else None
 
         def goes_on() -> bool:
@@ -56,10 +57,10 @@ def record(
             tell = say if sink.scribe.lost else note
             tell(f"{name}: {sink.scribe.frames} frames, {sink.scribe.lost} lost")
         if not hearing.is_heard:
-            raise StationError(f"no station was heard at {place.host}:{place.report}", client.START_ONE)
+            raise StationError(f"{place.host}:{place.report}: no station was heard", client.START_ONE)
     return 1 if sink.scribe.lost > sink.scribe.missing else 0
 
 
-def _is_wanted(wish: Wish, told: Told) -> bool:
+def _is_wanted(wish: ListenFilter, told: ReportedFrame) -> bool:
     is_type = not wish.types or not wish.types.isdisjoint((told.type, told.said.get("message_id")))
     return is_type and (not wish.stations or told.said.get("station_id") in wish.stations)

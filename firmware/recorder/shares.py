@@ -1,4 +1,4 @@
-"""Kept files of a ring: their room is shared by causes, and the room of a cause by stations."""
+"""Kept files of a ring: divides the room among causes, and a cause's room among stations."""
 
 import os
 import re
@@ -8,29 +8,29 @@ from pathlib import Path
 from typing import NamedTuple
 
 KEPT = re.compile(r"kept-(\d{8})-[0-9TZ]+-(.*)\.pcapng")
-OWN = "own"  # in place of a station: a message that this station sent
-# A station that makes DENMs up can call itself as it likes. So what this station sent, and each other cause, has a
-# share that no DENM takes.
+OWN = "own"  # replaces the stationID for a message of this station
+# A station that forges DENMs may use any stationID. Therefore this station's messages and each other cause have shares
+# that received DENMs cannot use.
 _KEY = re.compile(rf"(denm|loss|gnss)(?:-([0-9]+|{OWN}))?")
 _OPERATOR = "operator"
-OF_EVENT = 2  # an event takes half of the room from others at most
-_LONGEST = 40  # characters of a reason in a name
+OF_EVENT = 2  # an event may replace older kept files in at most half of their room
+_LONGEST = 40  # characters of a reason in a file name
 
 
 class Key(NamedTuple):
-    """Whose share a kept file counts in."""
+    """Share in which a kept file is counted: its cause and, for a DENM, its station."""
 
     cause: str
     station: str = ""
 
 
 def word_of(why: str) -> str:
-    """A reason as a part of a file's name."""
+    """Return a reason in the form used in file names."""
     return re.sub(r"[^A-Za-z0-9]+", "-", why).strip("-")[:_LONGEST] or "event"
 
 
 def operators(why: str) -> str:
-    """An operator's reason, which does not pass for another cause."""
+    """Return an operator's reason, with a prefix if it could be mistaken for another cause."""
     word = word_of(why)
     return f"{_OPERATOR}-{word}"[:_LONGEST] if _KEY.fullmatch(word) else why
 
@@ -44,7 +44,13 @@ def key_of(word: str) -> Key:
 
 
 class Kept(NamedTuple):
-    """A kept file; number as in its name, by which the oldest is known."""
+    """Kept file.
+
+    number  number in its name; the oldest file has the lowest.
+    path    its path.
+    size    its size in octets.
+    key     share in which it is counted.
+    """
 
     number: int
     path: Path
@@ -53,31 +59,29 @@ class Kept(NamedTuple):
 
 
 class Shares:
-    """The kept files of a folder, within a size. Where it is used up, the oldest of the largest share goes.
+    """Kept files of a folder, limited in total size. Beyond the limit, the oldest file of the largest share is removed.
 
-    Files of the present event are not removed, and count in no share before the next event.
+    Files of the current event are never removed. They count in a share only from the next event on.
 
-    size     octets of all.
-    removed  files, so far.
+    size     octets of all kept files.
+    removed  number of removed files.
     """
 
     def __init__(self, size: int) -> None:
         self.size = self.removed = 0
         self._limit = size
-        self._known: dict[str, Kept] = {}  # by name
+        self._known: dict[str, Kept] = {}  # by file name
         self._of_event: list[Kept] = []
-        self._clear()
-
-    def _clear(self) -> None:
-        self._causes: Counter[str] = Counter()  # octets
+        self._causes: Counter[str] = Counter()  # octets by cause
         self._keys: Counter[Key] = Counter()
-        self._files: dict[Key, deque[Kept]] = defaultdict(deque)  # the oldest first
-        self._largest: dict[str, list[tuple[int, int, Key]]] = {}  # by cause: a heap of -octets, oldest file, key
+        self._files: dict[Key, deque[Kept]] = defaultdict(deque)  # by share, the oldest file first
+        # By cause: heap of (-octets, number of the oldest file, share), so that the largest share comes first.
+        self._largest: dict[str, list[tuple[int, int, Key]]] = {}
 
     def look(self, folder: Path) -> None:
-        """Begin an event, and know what is there: earlier runs have left it, or an operator has removed it.
+        """Begin an event, and read the folder: earlier runs left files there, and an operator may have removed some.
 
-        A file is looked at once: 20,000 of them take 0.3 s, and later only their names, 25 ms. Raises OSError.
+        Each file is examined once: 20,000 files take 0.3 s, later only their names are listed in 25 ms. Raises OSError.
         """
         ended, self._of_event = sorted(self._of_event), []
         self._largest = {}
@@ -87,16 +91,17 @@ class Shares:
         if names.keys() != self._known.keys():
             self._known = {name: self._known.get(name) or _found(folder / name, match) for name, match in names.items()}
             self.size = sum(one.size for one in self._known.values())
-            self._clear()
+            for counts in (self._causes, self._keys, self._files):
+                counts.clear()
             for one in sorted(self._known.values()):
                 self._count(one)
 
     def taken(self, key: Key) -> int:
-        """Octets that count for a key, with those of the event."""
+        """Return the octets of a share, including files of the current event."""
         return self._keys[key] + sum(one.size for one in self._of_event if one.key == key)
 
     def is_room(self, size: int, key: Key) -> bool:
-        """Whether a file of this size fits, once the oldest of larger shares are removed."""
+        """Make room for a file by removing the oldest files of larger shares; return whether it fits."""
         while self.size + size > self._limit:
             victim = self._victim(size, key)
             if victim is None:
@@ -110,7 +115,7 @@ class Shares:
         return True
 
     def keep(self, path: Path, size: int, word: str) -> None:
-        """Give a file of the ring the name by which it stays. Raises OSError."""
+        """Rename a file of the ring so that it is kept. Raises OSError."""
         place = path.stem.partition("-")[2]
         kept = path.with_name(f"kept-{place}-{word}.pcapng")
         path.rename(kept)
@@ -125,7 +130,10 @@ class Shares:
         self._files[one.key].append(one)
 
     def _victim(self, size: int, key: Key) -> Kept | None:
-        """The oldest file of the largest share, where that is no smaller than the share that asks had before."""
+        """Return the file to remove: the oldest one of the largest share.
+
+        Returns None if no share is larger than the requesting one, or if the event has used its part of the room.
+        """
         if sum(one.size for one in self._of_event) + size > self._limit // OF_EVENT:
             return None
         cause = max(self._causes, key=lambda one: (self._causes[one], one), default=key.cause)
@@ -138,7 +146,7 @@ class Shares:
         return self._files[largest[0][2]][0] if largest else None
 
     def _forget(self, one: Kept) -> None:
-        """Of the largest share of its cause, whose next file is then the oldest."""
+        """Remove a file from the counts: it is the oldest of the largest share of its cause."""
         key, largest = one.key, self._largest[one.key.cause]
         self.size -= one.size
         self._causes[key.cause] -= one.size

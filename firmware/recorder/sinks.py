@@ -1,4 +1,4 @@
-"""Where a recording goes: one file, a pipe, or a ring with what makes it keep something."""
+"""Sinks of a recording: one file, a pipe, or a ring with triggers."""
 
 import select
 import sys
@@ -8,29 +8,34 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, BinaryIO, Protocol
 
-from board.errors import RequestError, UsageError
+from board.runtime.errors import RequestError, UsageError
+from firmware import file_remedy
 from firmware.recorder.filing import Filing, Segment
+from firmware.recorder.reported_frame import ReportedFrame
 from firmware.recorder.ring import Limits, Ring
 from firmware.recorder.scribe import Scribe
 from firmware.recorder.shares import OWN, operators
-from firmware.recorder.told import Told
 from firmware.recorder.triggers import DENM, Triggers
 
 
 class Sink(Protocol):
-    """scribe counts what was written; know() begins it, or begins it anew; idle() is called a few times a second."""
+    """Receiver of a station's frames.
+
+    take_status() begins a recording, or a new section after a restart. The caller calls idle() a few times a second.
+    scribe has the counts of written and lost frames.
+    """
 
     scribe: Scribe
 
-    def know(self, status: Mapping[str, object]) -> None: ...
+    def take_status(self, status: Mapping[str, object]) -> None: ...
     def time(self, status: Mapping[str, object]) -> None: ...
-    def add(self, told: Told) -> None: ...
+    def add(self, told: ReportedFrame) -> None: ...
     def idle(self) -> None: ...
     def close(self) -> None: ...
 
 
 class File:
-    """One file, which must not exist. Raises UsageError or RequestError where it cannot be begun."""
+    """Sink that writes one new file. Raises UsageError if the file exists, RequestError if it cannot be written."""
 
     def __init__(self, path: Path) -> None:
         self.scribe = Scribe()
@@ -38,27 +43,25 @@ class File:
         try:
             path.open("xb").close()
         except FileExistsError:
-            raise UsageError(f"--pcapng: {path} is there already", "name another, or remove it") from None
+            raise UsageError(f"--pcapng: {path}: the file exists", "name another file, or remove it") from None
         except OSError as error:
-            raise RequestError(
-                f"{path}: {error.strerror}", "does its folder exist, and may you write there?"
-            ) from error
+            raise RequestError(f"--pcapng: {path}: {error.strerror}", file_remedy.to_write(error)) from error
         self._filing = Filing(self.scribe, lambda: Segment(path))
 
-    def know(self, status: Mapping[str, object]) -> None:
-        self.scribe.know(status)
+    def take_status(self, status: Mapping[str, object]) -> None:
+        self.scribe.take_status(status)
         self.idle()
 
     def time(self, status: Mapping[str, object]) -> None: ...
 
-    def add(self, told: Told) -> None:
+    def add(self, told: ReportedFrame) -> None:
         self._filing.add(told)
 
     def idle(self) -> None:
         self._filing.idle()
 
     def close(self) -> None:
-        """Where no station was there no file is left."""
+        """Complete the file, or remove it if it is empty because no station was heard."""
         self._filing.end()
         with suppress(OSError):
             if not self._path.stat().st_size:
@@ -66,29 +69,30 @@ class File:
 
 
 class Pipe:
-    """A stream that somebody reads while it is written; BrokenPipeError is raised when nobody does any more."""
+    """Sink that writes a stream to another program. Raises BrokenPipeError once the reader has closed it."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self.scribe = Scribe()
         self._stream = stream
         self._end = select.poll()
-        self._end.register(stream, 0)  # POLLERR is always told: the reader has left
+        self._end.register(stream, 0)  # poll() always reports POLLERR, which means that the reader has closed the pipe
         self._is_begun = False
 
     def write(self, octets: bytes) -> None:
         self._stream.write(octets)
 
-    def know(self, status: Mapping[str, object]) -> None:
-        self.scribe.know(status)
+    def take_status(self, status: Mapping[str, object]) -> None:
+        self.scribe.take_status(status)
         self.idle()
 
     def time(self, status: Mapping[str, object]) -> None: ...
 
-    def add(self, told: Told) -> None:
+    def add(self, told: ReportedFrame) -> None:
         self._begin()
         self.scribe.add(told)
 
     def idle(self) -> None:
+        """Flush the stream. Raises BrokenPipeError if the reader has closed it, even if there is nothing to write."""
         self._begin()
         self._stream.flush()
         if any(events & select.POLLERR for _, events in self._end.poll(0)):
@@ -109,16 +113,16 @@ def standard_output() -> Pipe:
 
 
 def output(remedy: str) -> BinaryIO:
-    """Standard output, for octets. Raises UsageError where it is a terminal, or was closed and is /dev/null by now."""
+    """Return standard output as a binary stream. Raises UsageError if it is a terminal or closed."""
     if sys.__stdout__ is None:
-        raise UsageError("standard output is closed: nobody would get the recording", remedy)
+        raise UsageError("standard output: closed", remedy)
     if sys.stdout.isatty():
-        raise UsageError("a terminal cannot show a recording", remedy)
+        raise UsageError("standard output: a terminal cannot show a recording", remedy)
     return sys.stdout.buffer
 
 
 class Keeper:
-    """A ring, kept of when something triggers."""
+    """Sink that writes a ring, and keeps files when an event triggers."""
 
     def __init__(
         self,
@@ -132,15 +136,15 @@ class Keeper:
         self._triggers = Triggers(triggers)
         self._clock = clock
 
-    def know(self, status: Mapping[str, object]) -> None:
-        self.scribe.know(status)
+    def take_status(self, status: Mapping[str, object]) -> None:
+        self.scribe.take_status(status)
         self.ring.idle()
 
     def time(self, status: Mapping[str, object]) -> None:
         if why := self._triggers.time(status):
             self.ring.trigger(why)
 
-    def add(self, told: Told) -> None:
+    def add(self, told: ReportedFrame) -> None:
         missing = self.scribe.missing
         self.ring.add(told)
         why = self._triggers.frame(told, self.scribe.missing - missing, self._clock())
@@ -154,7 +158,7 @@ class Keeper:
         self.ring.idle()
 
     def trigger(self, why: str) -> None:
-        """As an operator asks."""
+        """Keep files for a reason given by an operator."""
         self.ring.trigger(operators(why))
 
     def close(self) -> None:

@@ -1,1 +1,5 @@
-"""What was recorded, sent again: read, chosen, rewritten, paced, through a bad way, to a station or a link."""
+"""Replay of recordings and emulation of a lossy link.
+
+Face: ending, ends, reasons.
+Commands: replay, impair.
+"""

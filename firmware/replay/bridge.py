@@ -1,4 +1,4 @@
-"""A bad way between two sides, there and back: what one hears, the other is sent, as far as the way lets it."""
+"""Bridge over an emulated lossy link: passes frames between two sides in both directions."""
 
 import time
 from collections import Counter
@@ -9,18 +9,23 @@ from typing import NamedTuple
 
 import zmq
 
-from board.errors import RequestError
+from board.runtime.errors import RequestError
 from drivers.wire.impairment import Impairment
 from firmware.codec.reading import Pdu
 from firmware.replay.ears import Ear
 from firmware.replay.ends import End
 from firmware.replay.reasons import count
 
-LONGEST_WAIT_S = 0.2  # so soon a signal is obeyed
+LONGEST_WAIT_S = 0.2  # longest wait until a signal is handled
 
 
 class Side(NamedTuple):
-    """One side: name as its user wrote it, what it hears, where it is sent to."""
+    """One side of the bridge.
+
+    name  name as the user wrote it.
+    ear   receiving end.
+    end   sending end.
+    """
 
     name: str
     ear: Ear
@@ -29,7 +34,7 @@ class Side(NamedTuple):
 
 @dataclass
 class Way:
-    """One direction."""
+    """One direction of the bridge, with its lossy link and its counts."""
 
     source: Side
     to: Side
@@ -39,7 +44,7 @@ class Way:
     left_out: Counter[str] = field(default_factory=Counter)
 
     def take(self, now: float) -> int:
-        """What has come at its beginning. Returns how much."""
+        """Receive messages from the source and put them on the lossy link; return their number."""
         before = self.heard
         for one in self.source.ear.hear():
             self.heard += 1
@@ -52,7 +57,7 @@ class Way:
         return self.heard - before
 
     def give(self, now: float) -> None:
-        """What has come out at its end."""
+        """Send the messages that are due at the end of the lossy link."""
         for octets, one in self.impairment.due(now):
             try:
                 self.to.end.send(octets, one)
@@ -66,7 +71,7 @@ class Way:
 
 
 class Bridge:
-    """Serves its ways in one thread."""
+    """Serves both directions of a bridge in one thread."""
 
     def __init__(self, ways: list[Way], clock: Callable[[], float] = time.monotonic) -> None:
         self._ways = ways
@@ -77,7 +82,7 @@ class Bridge:
             self._poller.register(way.source.ear.polled, zmq.POLLIN)
 
     def run(self, duration: float | None) -> None:
-        """For so many seconds, and then until all that is on its way has come out; None: until stop()."""
+        """Pass messages for `duration` seconds and then until all delayed ones are sent; None: until stop()."""
         end = None if duration is None else self._clock() + duration
         while not self._is_stopped and (end is None or self._clock() < end):
             self._turn(end)
@@ -85,12 +90,12 @@ class Bridge:
             self._turn(None, is_taking=False)
 
     def stop(self) -> None:
-        """End between two turns; what is on its way stays there. For a signal's handler."""
+        """End between two turns; delayed messages are not sent. Safe to call in a signal handler."""
         self._is_stopped = True
 
     def _turn(self, end: float | None, is_taking: bool = True) -> None:
         now = self._clock()
-        # A subscription's descriptor tells of an edge only: what waits in it is taken first, then waited for.
+        # The descriptor of a SUB socket signals only new arrivals. Waiting messages are therefore taken before polling.
         taken = sum(way.take(now) for way in self._ways) if is_taking else 0
         for way in self._ways:
             way.give(self._clock())
@@ -102,7 +107,8 @@ class Bridge:
         if end is not None:
             until.append(end)
         left = min([LONGEST_WAIT_S, *(max(0.0, when - self._clock()) for when in until)])
-        # A command's own process. Only the time is waited for, or it is shorter than the milliseconds that zmq counts.
+        # This is the command's own process. sleep() serves if nothing is received, and for times below the 1 ms
+        # resolution of zmq's poll().
         if not is_taking or left < 0.001:
             time.sleep(left)
         else:

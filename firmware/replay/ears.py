@@ -1,4 +1,4 @@
-"""Where frames and messages come from while they come: UDP datagrams, a network device, a station's users' port."""
+"""Receiving ends: UDP datagrams, a network device, a station's port for users."""
 
 import errno
 import socket
@@ -8,31 +8,32 @@ from typing import Protocol
 
 import zmq
 
-from board.address import Address
-from board.errors import ProtocolError, StationError
-from drivers.intake import KernelDrops, enlarge
+from board.runtime.address import Address
+from board.runtime.errors import ProtocolError, StationError
+from drivers.packet.intake import KernelDrops, enlarge
 from drivers.wire import btp
-from firmware.codec import capture, layers
+from firmware.client import client
+from firmware.client.received import Pairing
 from firmware.codec.reading import Pdu
+from firmware.recordings import capture, layers
 from firmware.replay.ends import raw_socket
-from firmware.user import client
-from firmware.user.received import Pairing
-from firmware.user.untrusted import number, within
+from firmware.untrusted import number, within
 
-BATCH = 64  # taken in one turn
+BATCH = 64  # messages taken in one turn
 LONGEST = 65536
-RECEIVE_BUFFER = 4 << 20  # octets
+RECEIVE_BUFFER = 4 << 20  # octets that wait in the kernel at most
 GEONETWORKING = 0x8947
-# linux/socket.h, linux/if_packet.h
+# Constants of linux/socket.h and linux/if_packet.h.
 SOL_PACKET, ADD_MEMBERSHIP, STATISTICS, PROMISCUOUS = 263, 1, 6, 1
-# What a socket tells of its other end or of its device, once each: it works again when that does.
+# Errors that a socket reports once when its peer or device is down; it works again when they are up.
 PASSING = frozenset({errno.ECONNREFUSED, errno.ENETDOWN, errno.ENETUNREACH, errno.EHOSTUNREACH})
 
 
 class Ear(Protocol):
-    """One way in; poll it as zmq does: by its descriptor, or as the socket that it is.
+    """Receiving end.
 
-    missed  what came and was not heard, because this program was too slow: the kernel's count.
+    polled  descriptor or socket for zmq's poll().
+    missed  messages that the kernel dropped because this program was too slow.
     """
 
     missed: int
@@ -40,11 +41,11 @@ class Ear(Protocol):
     @property
     def polled(self) -> object: ...
     def hear(self) -> Iterator[Pdu]:
-        """What has come, a batch of it."""
+        """Yield a batch of the messages that have arrived."""
 
 
 class Datagrams:
-    """UDP at an address. Raises StationError where it is taken, or not ours."""
+    """Receiving end for UDP at an address. Raises StationError if the address is in use or not on this machine."""
 
     def __init__(self, at: Address, framing: str) -> None:
         self.missed = 0
@@ -60,6 +61,7 @@ class Datagrams:
             ) from error
 
     def hear(self) -> Iterator[Pdu]:
+        """Yield the messages that have arrived. Raises StationError if receiving fails permanently."""
         self.missed += self._drops.take()
         for octets in _waiting(self.polled):
             if self._framing == "ethernet":
@@ -75,8 +77,11 @@ class Datagrams:
         self.polled.close()
 
 
-class Device:
-    """Frames of GeoNetworking that come in by a network device, to whomever. Raises StationError."""
+class DeviceEar:
+    """Receiving end for GeoNetworking frames of a network device, whatever their destination.
+
+    Raises StationError if the device is missing or raw sockets are not permitted.
+    """
 
     def __init__(self, name: str) -> None:
         self.missed = 0
@@ -87,7 +92,8 @@ class Device:
         self.polled.setsockopt(SOL_PACKET, ADD_MEMBERSHIP, membership)
 
     def hear(self) -> Iterator[Pdu]:
-        # struct tpacket_stats: packets, drops. Reading sets both to 0.
+        """Yield the messages that have arrived. Raises StationError if receiving fails permanently."""
+        # struct tpacket_stats: packets, drops. Reading resets both to 0.
         self.missed += struct.unpack("=II", self.polled.getsockopt(SOL_PACKET, STATISTICS, 8))[1]
         for octets in _waiting(self.polled):
             yield framed(octets)
@@ -96,10 +102,11 @@ class Device:
         self.polled.close()
 
 
-class Station:
-    """What a station's users receive. Raises StationError where none is.
+class StationEar:
+    """Receiving end for messages that a station sends to its users. Raises StationError if no station answers.
 
-    What it publishes faster than this program reads, nobody counts: the station says how often a user fell behind.
+    Messages that the station publishes faster than this program reads are not counted here. The station reports
+    only the number of times that a user was too slow.
     """
 
     missed = 0
@@ -111,11 +118,11 @@ class Station:
         self._slow_before = self._slow_count()
 
     def fell_behind(self) -> int:
-        """How often a user of it did, this program or another one, since this one listens."""
+        """Return how often any user of the station was too slow since this program listens."""
         return max(0, self._slow_count() - self._slow_before)
 
     def _slow_count(self) -> int:
-        for _ in client.waiting(self._reports):  # a status of before
+        for _ in client.waiting(self._reports):  # discard an old status
             pass
         self._reports.setsockopt(zmq.SUBSCRIBE, b"status.")
         status = client.next_report(self._reports, "status.") or {}
@@ -134,7 +141,7 @@ class Station:
 
 
 def framed(octets: bytes) -> Pdu:
-    """A frame and what is in it, which may be nothing."""
+    """Return a frame with the message inside it, if it contains one."""
     try:
         found = layers.open_frame(capture.ETHERNET, octets)
     except ProtocolError as error:

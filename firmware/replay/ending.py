@@ -1,4 +1,4 @@
-"""SIGTERM as an end like any other: what was done is told."""
+"""SIGTERM as a normal end, so that the summary is printed."""
 
 import signal
 from collections.abc import Iterator
@@ -6,12 +6,12 @@ from contextlib import contextmanager
 
 
 class _Asked(BaseException):
-    """Nothing on the way takes it for an error."""
+    """End by SIGTERM. It is not an Exception, so that no error handling catches it."""
 
 
 @contextmanager
 def until_sigterm() -> Iterator[None]:
-    """What is done inside ends by SIGTERM, and what follows goes on; there it is what it was."""
+    """End the context at SIGTERM and continue after it; then restore the previous signal handler."""
 
     def end(_number: int, _frame: object) -> None:
         raise _Asked

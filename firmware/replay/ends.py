@@ -1,4 +1,4 @@
-"""Where replayed frames and messages go: a station's endpoint, UDP datagrams, a network device."""
+"""Sending ends: a station's endpoint, UDP datagrams, a network device."""
 
 import json
 import socket
@@ -10,46 +10,52 @@ from typing import Protocol
 
 import zmq
 
-from board.address import Address
-from board.errors import ProtocolError, RequestError, StationError
-from drivers.intake import not_permitted
+from board.runtime.address import Address
+from board.runtime.errors import ProtocolError, RequestError, StationError
 from drivers.message import Shape
-from drivers.wire import btp, geonet_packet
+from drivers.packet.intake import not_permitted
+from drivers.wire import btp
 from drivers.wire import frame as ethernet
-from drivers.wire.geonet_header import BasicNext, HeaderType
-from drivers.wire.geonet_packet import GeoArea
+from drivers.wire.geonet import packet as geonet_packet
+from drivers.wire.geonet.header import BasicNext, HeaderType
+from drivers.wire.geonet.packet import GeoArea
+from firmware.client import client
+from firmware.client.sending import sending
+from firmware.client.sending.account import fate
+from firmware.client.sending.flights import Flight
+from firmware.client.sending.payload import Payload
 from firmware.codec.reading import Pdu
 from firmware.codec.writing import framed
 from firmware.replay.reasons import count
-from firmware.user import client, sending
-from firmware.user.account import fate
-from firmware.user.flights import Flight
-from firmware.user.payload import Payload
 
-SEND_BUFFER = 1 << 20  # octets: a burst at full speed waits in the kernel
+SEND_BUFFER = 1 << 20  # octets; a burst at full speed waits in the kernel
 GEO_BROADCASTS = range(HeaderType.GBC_CIRCLE, HeaderType.GBC_ELLIPSE + 1)
 
 
 class End(Protocol):
-    """One way out."""
+    """Sending end."""
 
     def octets(self, one: Pdu) -> bytes:
-        """What of it goes this way. Raises RequestError where nothing of it can."""
+        """Return the octets of a message in the form for this end. Raises RequestError if it has no such form."""
 
     def send(self, octets: bytes, one: Pdu) -> None:
-        """These octets, whatever has become of them since. Raises RequestError where they cannot go."""
+        """Send octets, which the lossy link may have changed since octets().
+
+        Raises RequestError if they cannot be sent.
+        """
 
     def wait(self, until: float) -> None:
-        """Until then on the monotonic clock, or until something has come back."""
+        """Wait until a monotonic time in seconds; receive answers meanwhile."""
 
 
-class Station:
-    """The PULL of a station, which confirms each message.
+class StationEnd:
+    """Sending end to a station's PULL socket, with a confirm for each message.
 
-    fates     of those that no interface has sent, by why. firsts: where the first of each stood.
-    is_paced  somebody else says when the next goes; otherwise so many are on their way at once.
+    fates     number of messages that no interface sent, by reason.
+    firsts    place in the input of the first message with each reason.
+    is_paced  the caller decides when to send; otherwise the number of unconfirmed messages is limited.
 
-    Raises StationError where none is, and where one takes or confirms nothing any more.
+    Raises StationError if no station answers, and later if it stops accepting or confirming messages.
     """
 
     def __init__(self, context: client.Context, place: client.Address, program: str, is_paced: bool) -> None:
@@ -68,27 +74,29 @@ class Station:
 
     @property
     def is_good(self) -> bool:
-        """Whether each was sent by an interface at least."""
+        """Whether at least one interface sent each message."""
         return self._sending.all_sent
 
     def octets(self, one: Pdu) -> bytes:
+        """Return the PDU. Raises RequestError for a frame without one."""
         return _pdu(one)
 
     def send(self, octets: bytes, one: Pdu) -> None:
         if not self._is_paced:
             self._sending.make_room()
         self._sending.depart(Payload(octets, "", one.origin), "", wishes(one))
-        self._sending.hear(time.monotonic())  # also where nobody ever waits: else some would be lost
+        # Confirms are read here too, since a caller that never waits would lose some.
+        self._sending.hear(time.monotonic())
 
     def wait(self, until: float) -> None:
         self._sending.hear(until)
 
     def finish(self) -> None:
-        """Wait a little for the last confirms."""
+        """Wait up to ANSWER_S for the last confirms."""
         self._sending.wait(client.ANSWER_S)
 
     def close(self) -> None:
-        """What is not confirmed by now stays so."""
+        """Count the remaining unconfirmed messages as unconfirmed."""
         self._sending.give_up()
 
     def _over(self, flight: Flight) -> None:
@@ -97,15 +105,17 @@ class Station:
 
 
 class Pull:
-    """The PULL of a station, which says nothing of it: what it does not take within a while is refused here."""
+    """Sending end to a station's PULL socket, without confirms."""
 
     def __init__(self, context: client.Context, place: client.Address) -> None:
         self._pusher = client.push(context, place)
 
     def octets(self, one: Pdu) -> bytes:
+        """Return the PDU. Raises RequestError for a frame without one."""
         return _pdu(one)
 
     def send(self, octets: bytes, one: Pdu) -> None:
+        """Send a message. Raises RequestError if the station accepts none for ANSWER_S."""
         if not self._pusher.poll(round(client.ANSWER_S * 1000), zmq.POLLOUT):
             raise RequestError(f"{one.origin}: the station takes no more", "see `captain status`")
         self._pusher.send_multipart([b"v2x.", octets, json.dumps(wishes(one)).encode()], zmq.DONTWAIT)
@@ -118,18 +128,22 @@ class Pull:
 
 
 class Users:
-    """The SUB of a station, as any user's program publishes to it. Nothing comes back."""
+    """Sending end to a station's SUB socket, as any user's program publishes to it, without answers.
+
+    Raises StationError if the station does not subscribe within ANSWER_S.
+    """
 
     def __init__(self, context: client.Context, place: client.Address) -> None:
         client.reach(place.host, place.from_users)
-        # On the wire an XPUB is a PUB; it also tells when the station has subscribed, before which all is lost.
+        # XPUB sends like PUB, and also tells when the station has subscribed; earlier messages would be lost.
         self._publisher = context.socket(zmq.XPUB)
         self._publisher.set(zmq.SNDHWM, 0)
         self._publisher.connect(place.url(place.from_users))
         if not self._publisher.poll(round(client.ANSWER_S * 1000)):
-            raise StationError(f"what listens at {place.host}:{place.from_users} does not subscribe", client.START_ONE)
+            raise StationError(f"{place.host}:{place.from_users}: no subscription from this port", client.START_ONE)
 
     def octets(self, one: Pdu) -> bytes:
+        """Return the PDU. Raises RequestError for a frame without one."""
         return _pdu(one)
 
     def send(self, octets: bytes, one: Pdu) -> None:
@@ -139,14 +153,17 @@ class Users:
         _sleep(until)
 
     def close(self) -> None:
-        """Wait a little for what is not sent yet."""
+        """Close the socket; unsent messages have 2 s to leave."""
         self._publisher.close(linger=2000)
 
 
 class Datagrams:
-    """UDP to one peer or group. unheard counts those where the peer said that nobody listens.
+    """Sending end for UDP to one peer or multicast group.
 
-    framing  of the station's `udp` interface there: ethernet, btp or pdu.
+    framing  framing of the `udp` interface there: ethernet, btp or pdu.
+    unheard  number of datagrams that the peer's machine rejected because no program listens.
+
+    Raises StationError without a route to the peer.
     """
 
     def __init__(self, to: Address, framing: str) -> None:
@@ -157,23 +174,28 @@ class Datagrams:
         try:
             self._socket.connect(to)
         except OSError as error:
-            raise StationError(f"UDP to {to}: {error.strerror}", "is there a route?") from error
+            raise StationError(f"UDP to {to}: {error.strerror}", "check the routes: ip route") from error
 
     @property
     def unheard(self) -> int:
-        # Of the last one nothing has said it yet.
+        # The rejection of the last datagram may not have been counted yet.
         if self._socket.fileno() >= 0 and self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
             self._unheard += 1
         return self._unheard
 
     def octets(self, one: Pdu) -> bytes:
+        """Return the content of a datagram with this framing.
+
+        Raises RequestError for a frame without a PDU, unless the framing is ethernet.
+        """
         if self._framing == "ethernet":
             return _frame(one)
         pdu = _pdu(one)
         return pdu if self._framing == "pdu" else btp.encode(btp.BtpB(_port(one)), pdu)
 
     def send(self, octets: bytes, one: Pdu) -> None:
-        # What an earlier datagram met is told now: this one has not left yet.
+        """Send a datagram. Raises RequestError if the kernel refuses it."""
+        # send() reports the rejection of an earlier datagram and sends nothing, so the second attempt sends this one.
         for _ in range(2):
             try:
                 self._socket.send(octets)
@@ -192,16 +214,20 @@ class Datagrams:
         self._socket.close()
 
 
-class Device:
-    """Whole frames on a network device. Raises StationError where it is not there, or raw sockets are not permitted."""
+class DeviceEnd:
+    """Sending end for whole frames on a network device.
+
+    Raises StationError if the device is missing or raw sockets are not permitted.
+    """
 
     def __init__(self, name: str) -> None:
-        self._socket = raw_socket(name, 0)  # it takes nothing
+        self._socket = raw_socket(name, 0)  # EtherType 0: it receives nothing
 
     def octets(self, one: Pdu) -> bytes:
         return _frame(one)
 
     def send(self, octets: bytes, one: Pdu) -> None:
+        """Send a frame. Raises RequestError if the device refuses it."""
         try:
             self._socket.send(octets)
         except OSError as error:
@@ -214,8 +240,8 @@ class Device:
         self._socket.close()
 
 
-def station_lines(end: Station) -> Iterator[str]:
-    """What a station says of all that it was given."""
+def station_lines(end: StationEnd) -> Iterator[str]:
+    """Yield the outcomes of all messages given to a station, as text."""
     if end.outcomes:
         yield f"the station says: {', '.join(f'{times} {word}' for word, times in sorted(end.outcomes.items()))}"
     for why, times in sorted(end.fates.items()):
@@ -223,7 +249,10 @@ def station_lines(end: Station) -> Iterator[str]:
 
 
 def raw_socket(device: str, ethertype: int) -> socket.socket:
-    """A socket of whole frames on a device. Raises StationError that says what is missing."""
+    """Return a raw socket on a network device.
+
+    Raises StationError if the device is missing or raw sockets are not permitted.
+    """
     try:
         one = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0)
         one.bind((device, ethertype))
@@ -235,7 +264,10 @@ def raw_socket(device: str, ethertype: int) -> socket.socket:
 
 
 def wishes(one: Pdu) -> Mapping[str, object]:
-    """What a user who sends it anew asks for, so that it leaves as it came: options of the station's PULL."""
+    """Return the options for a station's PULL socket with which a message leaves as it was recorded.
+
+    These are BTP port, traffic class, area and hop limit, as far as the frame has them.
+    """
     found: dict[str, object] = {} if one.port is None else {"btp_port": one.port}
     with suppress(ProtocolError):
         parts = ethernet.unwrap(one.frame)
@@ -279,4 +311,4 @@ def _port(one: Pdu) -> int:
 
 
 def _sleep(until: float) -> None:
-    time.sleep(max(0.0, until - time.monotonic()))  # a command's own process, no station's loop
+    time.sleep(max(0.0, until - time.monotonic()))  # this waits in the command's own process, not in a station's loop

@@ -1,11 +1,11 @@
-"""Plays what is recorded: each when its time has come, rewritten, through a bad way, out by one end."""
+"""Player of recordings: sends each message at its time, rewritten, over a lossy link."""
 
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
-from board.errors import RequestError
+from board.runtime.errors import RequestError
 from drivers.wire.impairment import Impairment
 from firmware.codec.reading import Pdu
 from firmware.replay.ends import End
@@ -16,14 +16,16 @@ from firmware.replay.timing import Schedule, Timing
 
 @dataclass
 class Played:
-    """What became of everything. What the way did is in its own counts.
+    """Counts of a replay; the lossy link has counts of its own.
 
-    read        messages and frames. unreadable: what was neither.
-    left_out    of those read, by why.
-    sent        copies that the way made among them. unsent: what could not be sent, by why.
-    late_s      the longest that one was sent after it was due.
-    gaps_cut    where the recording was longer silent than is replayed, or its clock was set.
-    examples    of each reason, where the first stands.
+    read        messages and frames.
+    unreadable  items that are neither.
+    left_out    omitted messages and frames by reason; they are also counted in read.
+    sent        sent messages, including duplicates made by the lossy link.
+    unsent      messages that could not be sent, by reason.
+    late_s      longest delay of a message after it was due, in seconds.
+    gaps_cut    number of places where a longer silence or a set clock of the recording was shortened.
+    examples    place of the first message with each reason.
     """
 
     read: int = 0
@@ -34,18 +36,26 @@ class Played:
     late_s: float = 0.0
     gaps_cut: int = 0
     examples: dict[str, str] = field(default_factory=dict)
+    first_unreadable: RequestError | None = None
 
     @property
-    def is_good(self) -> bool:
-        """Whether everything could be read, and what was to go could go: anything at all."""
-        return self.read > self.left_out.total() and not self.unreadable and not self.unsent
+    def cause(self) -> RequestError | None:
+        """First reason why an item was not read or sent; None if at least one message was read and all were sent."""
+        if self.first_unreadable is not None:
+            return self.first_unreadable
+        if self.read > self.left_out.total() and not self.unsent:
+            return None
+        for why in (*self.unsent, *self.left_out):
+            return RequestError(f"{self.examples[why]}: {why}" if why in self.examples else why)
+        return RequestError("no message in what was read")
 
 
 class Player:
-    """Plays rounds.
+    """Plays a recording in one or several rounds.
 
-    tell   hears of what cannot be read.
-    clock  monotonic seconds; wall: Unix time in ns.
+    tell   called with each error of an unreadable item.
+    clock  monotonic time in seconds.
+    wall   Unix time in nanoseconds.
     """
 
     def __init__(
@@ -69,11 +79,12 @@ class Player:
         self._begin: float | None = None
 
     def play(self, items: Iterable[Pdu | RequestError]) -> Iterator[int]:
-        """A round; another one begins where it ends. Yields how many have been read, of what goes."""
+        """Play one round, which begins where the previous one ended; yield the number of items read so far."""
         schedule = Schedule(self._timing)
         for one in items:
             if isinstance(one, RequestError):
                 self.played.unreadable += 1
+                self.played.first_unreadable = self.played.first_unreadable or one
                 self._tell(one)
                 continue
             self.played.read += 1
@@ -91,12 +102,12 @@ class Player:
             self._begin += schedule.end
 
     def finish(self) -> None:
-        """Until all that is on its way has come out."""
+        """Send all messages that the lossy link still delays."""
         while (deadline := self._way.deadline()) is not None:
             self._serve(deadline)
 
     def _serve(self, until: float) -> None:
-        """Let out what is due, until then."""
+        """Send the messages that are due until a monotonic time."""
         while True:
             for octets, one in self._way.due(self._clock()):
                 self._send(octets, one)

@@ -1,4 +1,4 @@
-"""Why something was left out, counted in bounded memory: a broken capture has as many reasons as frames."""
+"""Reasons of omitted messages, counted in bounded memory: a malformed capture may produce one per frame."""
 
 from collections import Counter
 
@@ -7,7 +7,7 @@ OTHERS = "other reasons"
 
 
 def count(tally: Counter[str], why: str) -> str:
-    """Count a reason, by its words or as one of the others. Returns what it was counted as."""
+    """Count a reason, or OTHERS beyond MOST reasons; return the counted name."""
     key = why if why in tally or len(tally) < MOST else OTHERS
     tally[key] += 1
     return key

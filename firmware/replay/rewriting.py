@@ -1,7 +1,7 @@
-"""Messages of another station, of now, or of elsewhere: fields changed where they stand among the bits.
+"""Rewriter of messages: changes stationID, times and positions in place.
 
-In UPER a number of a fixed range has a fixed width: changing it moves nothing else, so that every other bit stays as
-it was recorded. The library says where each stands. The headers of GeoNetworking around a message change with it.
+In UPER, a number of a fixed range has a fixed width, so that changing it moves no other bit. The message library gives
+the position of each field. The GeoNetworking headers of the frame are changed with the message.
 """
 
 from collections.abc import Sequence
@@ -9,25 +9,25 @@ from dataclasses import dataclass
 from math import cos, radians
 from typing import NamedTuple
 
-from board.errors import ProtocolError, RequestError
-from board.time import leap_seconds, nearest_its_time_ms
+from board.runtime.errors import ProtocolError, RequestError
+from board.time.scales import nearest_its_time_ms
 from drivers.sim.track import METRES
 from drivers.wire import frame as ethernet
-from drivers.wire import geonet_packet
-from drivers.wire.geonet_header import LongPosition
-from drivers.wire.geonet_packet import GeoArea, Packet
+from drivers.wire.geonet import packet as geonet_packet
+from drivers.wire.geonet.header import LongPosition
+from drivers.wire.geonet.packet import GeoArea, Packet
 from firmware.codec.decoding import Decoder
 from firmware.codec.identify import Identity
 from firmware.codec.library import Step, load
 from firmware.codec.reading import Pdu
 
 STATION_IDS = frozenset({"StationID", "StationId"})
-DELTA_TIMES = frozenset({"GenerationDeltaTime"})  # ms modulo 65536
-TIMES = frozenset({"TimestampIts"})  # ms
-MINUTES, SECONDS, MARKS = "MinuteOfTheYear", "DSecond", "TimeMark"  # of SAE J2735, in SPATEM and MAPEM
+DELTA_TIMES = frozenset({"GenerationDeltaTime"})  # milliseconds modulo 65536
+TIMES = frozenset({"TimestampIts"})  # milliseconds
+MINUTES, SECONDS, MARKS = "MinuteOfTheYear", "DSecond", "TimeMark"  # SAE J2735 types in SPATEM and MAPEM
 LATITUDE, LONGITUDE = "Latitude", "Longitude"
 
-# How numbers stand in the bits: from the lower bound of their range on (TS 102 894-2; 1e-7 degree).
+# UPER stores a number as its difference from the lower bound of its range (TS 102 894-2; 1e-7 degree).
 _SOUTH, _WEST = -900_000_000, -1_800_000_000
 _NO_LATITUDE, _NO_LONGITUDE = 1_800_000_001, 3_600_000_001
 _MS_OF_MINUTE, _MINUTES_OF_YEAR, _MARKS_OF_HOUR = 60_000, 527_040, 36_000
@@ -35,12 +35,13 @@ _MS_OF_MINUTE, _MINUTES_OF_YEAR, _MARKS_OF_HOUR = 60_000, 527_040, 36_000
 
 @dataclass(frozen=True)
 class Changes:
-    """What becomes another.
+    """Requested changes.
 
-    station_id   the number of all stations; with is_added, what is added to each.
-    is_now       times move by as much as lies between recording and replay. What has no time of recording is made as
-                 if it had been recorded when it was generated.
-    north_m, east_m  how far every place moves.
+    station_id  stationID for all messages; with is_added, the number added to each stationID.
+    is_now      add the time between recording and replay to all times. A message without time of recording counts as
+                recorded when it was generated.
+    north_m     shift of all positions to the north in metres.
+    east_m      shift of all positions to the east in metres.
     """
 
     station_id: int | None = None
@@ -55,7 +56,7 @@ class Changes:
 
 
 class Moved(NamedTuple):
-    """By how much: ms, metres."""
+    """Shift of times in ms, and of positions in metres."""
 
     ms: int
     north_m: float
@@ -63,16 +64,20 @@ class Moved(NamedTuple):
 
 
 class Rewriting:
-    """Changes messages, and the frames around them. Raises NoLibraryError where they are to be changed without one."""
+    """Applies changes to messages and their frames.
+
+    Raises NoLibraryError if there are changes but no message library.
+    """
 
     def __init__(self, changes: Changes) -> None:
         self._changes = changes
         self._decoder = None if changes.is_none else Decoder(load())
 
     def apply(self, one: Pdu, now_ns: int) -> Pdu:
-        """The same as of now (Unix time). Raises RequestError that says why that cannot be.
+        """Return a message with all changes applied; now_ns: Unix time in nanoseconds.
 
-        A signed one would not be what was signed; what does not decode has its fields nobody knows where.
+        Raises RequestError for a signed message, whose signature would become invalid, and for one that does not
+        decode, since the places of its fields are unknown.
         """
         if self._decoder is None:
             return one
@@ -97,7 +102,7 @@ def _steps(one: Pdu, decoder: Decoder) -> Sequence[Step]:
 
 
 class _Bits:
-    """Octets as one number, of which stretches are read and written."""
+    """Octets as one number, in which fields of any width are read and written."""
 
     def __init__(self, octets: bytes) -> None:
         self._size = len(octets)
@@ -118,7 +123,7 @@ class _Bits:
 
 
 def _station(octets: _Bits, steps: Sequence[Step], changes: Changes) -> None:
-    """That of the header, and of every field that names the same station."""
+    """Change the stationID of the header, and every field with the same stationID."""
     named = [step for step in steps if step.type in STATION_IDS]
     if changes.station_id is None or not named:
         return
@@ -130,7 +135,10 @@ def _station(octets: _Bits, steps: Sequence[Step], changes: Changes) -> None:
 
 
 def _late_ms(one: Pdu, steps: Sequence[Step], now_ns: int) -> int:
-    """How much later than recorded, or than generated where that is all that is known."""
+    """Return the time in ms since a message was recorded.
+
+    If no time of recording is known, returns the time since it was generated; 0 if that is unknown, too.
+    """
     now = _its_ms(now_ns)
     if one.when_ns is not None:
         return now - _its_ms(one.when_ns)
@@ -144,8 +152,7 @@ def _late_ms(one: Pdu, steps: Sequence[Step], now_ns: int) -> int:
 
 
 def _its_ms(unix_ns: int) -> int:
-    utc_s = unix_ns / 1e9
-    return nearest_its_time_ms(utc_s, leap_seconds(utc_s))
+    return nearest_its_time_ms(unix_ns / 1e9)
 
 
 def _times(octets: _Bits, steps: Sequence[Step], late_ms: int) -> None:
@@ -169,7 +176,7 @@ def _times(octets: _Bits, steps: Sequence[Step], late_ms: int) -> None:
 
 
 def _places(octets: _Bits, steps: Sequence[Step], moved: Moved) -> None:
-    """Places of 1e-7 degree; what is told relative to them moves along."""
+    """Shift latitudes and longitudes in 1e-7 degree; positions relative to them move along."""
     latitude = 0
     for step in steps if moved.north_m or moved.east_m else ():
         value = octets.get(step)
@@ -185,28 +192,31 @@ def _north(moved: Moved) -> int:
 
 
 def _east(moved: Moved, latitude: int) -> int:
-    """Of a place at a latitude in 1e-7 degree; near a pole there is no east."""
+    """Return the shift to the east in 1e-7 degree at a latitude in 1e-7 degree; limited near the poles."""
     return round(moved.east_m / (METRES * max(0.01, cos(radians(latitude / 1e7)))) * 1e7)
 
 
 def _latitude(moved: int) -> int:
-    """In 1e-7 degree. Raises RequestError where there is none."""
+    """Return a latitude in 1e-7 degree. Raises RequestError if it is beyond a pole."""
     if abs(moved) > -_SOUTH:
         raise RequestError("its place would be beyond a pole", "shift it less")
     return moved
 
 
 def _frame(one: Pdu, octets: bytes, moved: Moved) -> bytes:
-    """The frame with the message changed inside, and its position vectors with it. Raises RequestError."""
+    """Return the frame with the changed message and shifted position vectors.
+
+    Raises RequestError if it is malformed.
+    """
     parts = ethernet.unwrap(one.frame)
-    assert isinstance(parts, ethernet.Ethernet)  # source.py gives no other
+    assert isinstance(parts, ethernet.Ethernet)  # source.py yields only such frames
     try:
         packet = geonet_packet.parse(parts.packet)
     except ProtocolError as error:
         raise RequestError(f"{one.origin}: {error.message}") from error
     header = packet.payload[: len(packet.payload) - len(one.octets)]
     packet = packet._replace(extended=_extended(packet, moved), payload=header + octets)
-    rest = parts.packet[len(geonet_packet.encode(packet)) :]  # what stands behind the payload stays
+    rest = parts.packet[len(geonet_packet.encode(packet)) :]  # octets after the payload stay
     return one.frame[: ethernet.HEADER] + geonet_packet.encode(packet) + rest
 
 
@@ -216,13 +226,13 @@ def _extended(packet: Packet, moved: Moved) -> geonet_packet.Extended | None:
         return extended
     extended = extended._replace(source=_moved(extended.source, moved))
     if isinstance(extended, GeoArea):
-        place = _moved(extended.source._replace(latitude=extended.latitude, longitude=extended.longitude), moved)
-        extended = extended._replace(latitude=place.latitude, longitude=place.longitude)
+        position = _moved(extended.source._replace(latitude=extended.latitude, longitude=extended.longitude), moved)
+        extended = extended._replace(latitude=position.latitude, longitude=position.longitude)
     return extended
 
 
 def _moved(source: LongPosition, moved: Moved) -> LongPosition:
-    """A place of 0, 0 is one that nobody knows, and stays it."""
+    """Return a position vector with shifted time and position; an unknown position (0, 0) stays unknown."""
     timestamp = (source.timestamp + moved.ms) % (1 << 32)
     if (source.latitude, source.longitude) == (0, 0):
         return source._replace(timestamp=timestamp)

@@ -1,17 +1,17 @@
-"""What there is to replay: whole frames of captures, broken ones and beacons among them, and PDUs of all the rest."""
+"""Input of a replay: frames of captures, and PDUs in all other formats."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import BinaryIO, Literal
 
-from board.errors import ProtocolError, RequestError
+from board.runtime.errors import ProtocolError, RequestError
 from drivers.wire import frame as ethernet
-from drivers.wire.geonet_header import HeaderType
-from firmware.codec import capture, layers
+from drivers.wire.geonet.header import HeaderType
 from firmware.codec.encoding import Wish, encode
 from firmware.codec.library import load
-from firmware.codec.pcapng import Direction
 from firmware.codec.reading import Item, Object, Pdu, Reader, pdu_of, port_of, when_ns
+from firmware.recordings import capture, layers
+from firmware.recordings.pcapng import Direction
 from firmware.replay.reasons import count
 
 _SINGLE_HOP = (HeaderType.SHB, HeaderType.BEACON)
@@ -19,11 +19,11 @@ _SINGLE_HOP = (HeaderType.SHB, HeaderType.BEACON)
 
 @dataclass(frozen=True)
 class Choice:
-    """Which frames of recordings that say it.
+    """Selection of a recording's frames; it needs a recording that contains these facts.
 
-    direction    that they had at the station which recorded them.
-    interfaces   of that station, by name; all when empty.
-    has_dropped  whether those as well that it did not pass on.
+    direction    direction at the recording station.
+    interfaces   names of that station's interfaces; empty: all.
+    has_dropped  include frames that the station did not pass on.
     """
 
     direction: Literal["in", "out", "both"] = "in"
@@ -31,7 +31,7 @@ class Choice:
     has_dropped: bool = True
 
     def refusal(self, one: capture.Frame) -> str:
-        """What a frame is, which is not among them; empty where it is."""
+        """Return a description of a frame that is not selected; empty if it is selected."""
         if self.interfaces and one.interface not in self.interfaces:
             return f"of interface {one.interface or '(no name)'}"
         if one.direction is Direction.OUT and self.direction == "in":
@@ -43,14 +43,17 @@ class Choice:
 
 
 class Source(Reader):
-    """As the codec reads it, but for captures, whose frames come without a message as well: then octets are empty."""
+    """Reader of the codec's formats.
+
+    Frames of captures are also read if they contain no message; their octets are empty.
+    """
 
     def __init__(self, form: str | None, choice: Choice, standard_input: BinaryIO) -> None:
         super().__init__(form, standard_input)
         self._choice = choice
 
     def items(self, sources: Sequence[str]) -> Iterator[Pdu | RequestError]:
-        """Everything, in the order of the files; what is wrong is one item like the rest."""
+        """Yield all messages and frames in the order of the files; an error is yielded as an item."""
         for item in self.read(sources):
             try:
                 yield _encoded(item) if isinstance(item, Object) else item
@@ -65,7 +68,7 @@ class Source(Reader):
         if isinstance(packet, layers.NoMessage):
             count(self.skipped, f"frames {packet.what}")
             return
-        when = frame.when_ns or None  # 1970 is what is written where no time is known
+        when = frame.when_ns or None  # 0 is written for an unknown time
         yield _opened(packet, origin, when)._replace(frame=_framed(frame, packet))
 
 
@@ -80,16 +83,20 @@ def _opened(packet: bytes, origin: str, when_ns: int | None) -> Pdu:
 
 
 def _framed(frame: capture.Frame, packet: bytes) -> bytes:
-    """The frame as it was; a new one around the packet where it came in another link layer, or in UDP."""
+    """Return the frame as it was recorded; a new Ethernet frame if the packet came in another link layer or in UDP."""
     if frame.link == capture.ETHERNET and frame.octets[ethernet.HEADER :] == packet:
         return frame.octets
-    # The end of the GN address, in the source position vector behind basic and common header (and sequence number).
+    # Offset of the last 6 octets of the GN address, which are the MAC address. The source position vector follows the
+    # basic header, the common header and, for other than single-hop packets, the sequence number.
     at = 14 if packet[5:6] and packet[5] in _SINGLE_HOP else 18
     return ethernet.wrap(packet[at : at + 6].ljust(6, b"\0"), packet)
 
 
 def _encoded(one: Object) -> Pdu:
-    """Octets come before fields: they are exact. Raises RequestError."""
+    """Return the PDU of a JSON object; given octets are preferred to fields, since they are exact.
+
+    Raises RequestError.
+    """
     if "hex" in one.value or "base64" in one.value:
         return pdu_of(one)
     known = sorted(load().all(), key=lambda message: (message.type, message.rank))

@@ -1,21 +1,22 @@
-"""When each recorded message is due."""
+"""Schedule of a replay: the time of each message."""
 
 from dataclasses import dataclass
 
-from board.errors import UsageError
+from board.runtime.errors import UsageError
 
-RATE_HZ = 10.0  # of what has no time of its own: CAMs of one station (EN 302 637-2 clause 6.1.3, T_GenCamMin)
-STEP_BACK_S = 1.0  # frames of several interfaces may be recorded that much out of order
+RATE_HZ = 10.0  # rate of messages without a time: CAMs of one station (EN 302 637-2 clause 6.1.3, T_GenCamMin)
+STEP_BACK_S = 1.0  # frames of several interfaces may be recorded out of order by this much
 
 
 @dataclass(frozen=True)
 class Timing:
-    """What a user wants.
+    """Requested times of a replay.
 
-    speed   so many times as fast as it was recorded.
-    rate    a second, whatever was recorded; 0: as fast as they go; None: as recorded.
-    from_s  seconds from the first on that are left out. to_s: what is recorded later is left out.
-    longest_gap_s  what is recorded longer apart, because nothing came or a clock was set, is replayed so far apart.
+    speed          factor by which it is faster than the recording.
+    rate           messages per second, whatever the recorded times; 0: as fast as possible; None: as recorded.
+    from_s         start of the replayed part, in seconds from the first message.
+    to_s           end of the replayed part, in seconds from the first message; None: the end.
+    longest_gap_s  limit for silences, and for steps of a clock that was set.
     """
 
     speed: float = 1.0
@@ -30,9 +31,9 @@ class Timing:
 
 
 class Schedule:
-    """One round. What was recorded a little before the one in front of it is due with that.
+    """Schedule of one round. A message recorded slightly before its predecessor is due together with it.
 
-    steps  gaps that were cut, and clocks that were set back: how often.
+    steps  number of shortened silences and of steps of the clock.
     """
 
     def __init__(self, timing: Timing) -> None:
@@ -41,13 +42,15 @@ class Schedule:
         self.steps = 0
         self._count = 0
         self._last = 0.0
-        self._latest = 0.0  # of the recording, in seconds from the first on
-        self._stepped = 0.0  # by which that is less than the recorded times say
+        self._latest = 0.0  # time of the latest message, in seconds from the first one, without the removed steps
+        self._stepped = 0.0  # seconds removed for steps and long silences
 
     def due(self, when_ns: int | None) -> float | None:
-        """Seconds from the beginning of the round; None for what is left out.
+        """Return seconds from the start of the round; None for a message outside the replayed part.
 
-        when_ns  when it was recorded, Unix time. Raises UsageError where that is not known, and a part is asked for.
+        when_ns  time of recording as Unix time in nanoseconds; None: unknown.
+
+        Raises UsageError if a part is requested but the time of recording is unknown.
         """
         if self._first_ns is None:
             self._first_ns = when_ns
@@ -60,13 +63,13 @@ class Schedule:
 
     @property
     def end(self) -> float:
-        """When another round may begin: as long after the last as they were apart."""
+        """Time at which another round may begin: one mean interval after the last message."""
         if self._timing.rate is not None:
             return self._last + (1 / self._timing.rate if self._timing.rate else 0.0)
         return self._last + (self._last / (self._count - 1) if self._count > 1 else 1 / RATE_HZ)
 
     def _smoothed(self, at: float) -> float:
-        """Without steps of a clock: from 1970 to the present, say, when it was set at last."""
+        """Return a recorded time without steps, such as that from 1970 to the present when a clock is set."""
         longest = self._timing.longest_gap_s
         gap = at - self._stepped - self._latest
         if not -STEP_BACK_S <= gap <= longest:

@@ -1,1 +1,4 @@
-"""Many virtual stations that drive and send what real ones would, when real ones would."""
+"""Swarm: many virtual stations that drive and send messages by the rules.
+
+Face: swarm, audience, tracks, vehicle, messages.
+"""

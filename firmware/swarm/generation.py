@@ -1,4 +1,4 @@
-"""When a vehicle sends a CAM: EN 302 637-2 V1.4.1 clause 6.1.3, and what is in it: clause 6.1.3 as well."""
+"""Generation rules of CAMs: EN 302 637-2 V1.4.1 clause 6.1.3."""
 
 from math import cos, hypot, radians
 from typing import NamedTuple
@@ -7,22 +7,22 @@ from drivers.sim.track import METRES, Motion
 
 MIN_S, MAX_S = 0.1, 1.0  # T_GenCamMin, T_GenCamMax
 CHECK_S = 0.1  # T_CheckCamGen: at most T_GenCamMin
-REPEATS = 3  # N_GenCam: CAMs that follow one which movement asked for, as fast
-LOW_FREQUENCY_S = 0.5
-ROUNDING_S = 1e-6  # of checks that are a whole number of periods apart
+REPEATS = 3  # N_GenCam: after a CAM caused by movement, this number of CAMs follows at the same interval
+LOW_FREQUENCY_S = 0.5  # between two low-frequency containers at least
+ROUNDING_S = 1e-6  # tolerance for checks at a whole number of periods
 HEADING_DEGREES, DISTANCE_M, SPEED_M_S = 4.0, 4.0, 0.5
 
 
 class Generation:
-    """The rules of one vehicle.
+    """Generation rules for one vehicle.
 
-    dcc_s  T_GenCam_DCC: the least time between two that the channel's load allows; 0.1 ... 1 s.
+    dcc_s  T_GenCam_DCC: least time between two CAMs that the channel load permits; 0.1 to 1 s.
     """
 
     def __init__(self, dcc_s: float = MIN_S) -> None:
         self._dcc_s = min(max(dcc_s, MIN_S), MAX_S)
         self._period_s = MAX_S  # T_GenCam
-        self._left = 0  # of REPEATS
+        self._left = 0  # CAMs left of REPEATS
         self._last: float | None = None
         self._motion: Motion | None = None
         self._low_frequency: float | None = None
@@ -36,7 +36,7 @@ class Generation:
         if elapsed < self._dcc_s - ROUNDING_S:
             return False
         if has_moved(self._motion, motion):
-            # The first condition: from now on as often as movement asks for.
+            # First condition: from now on, CAMs follow at the interval that the movement causes.
             self._period_s, self._left = min(elapsed, MAX_S), REPEATS
         elif elapsed < self._period_s - ROUNDING_S:
             return False
@@ -48,7 +48,7 @@ class Generation:
         return True
 
     def has_low_frequency(self, now: float) -> bool:
-        """Whether the CAM of now has the low frequency container: the first, and then one every 500 ms or later."""
+        """Whether the present CAM needs the low-frequency container: the first one, then one at least 500 ms later."""
         if self._low_frequency is not None and now - self._low_frequency < LOW_FREQUENCY_S - ROUNDING_S:
             return False
         self._low_frequency = now
@@ -59,7 +59,7 @@ class Generation:
 
 
 class Moved(NamedTuple):
-    """Between two moments: degrees, metres, metres per second."""
+    """Difference between two motions: heading in degrees, distance in metres, speed in metres per second."""
 
     heading: float
     distance_m: float
@@ -74,6 +74,6 @@ def moved(one: Motion, other: Motion) -> Moved:
 
 
 def has_moved(one: Motion, other: Motion) -> bool:
-    """The first condition: heading by more than 4 degrees, place by more than 4 m, or speed by more than 0.5 m/s."""
+    """Whether heading changed by more than 4 degrees, position by 4 m, or speed by 0.5 m/s: the first condition."""
     change = moved(one, other)
     return change.heading > HEADING_DEGREES or change.distance_m > DISTANCE_M or change.speed_m_s > SPEED_M_S

@@ -1,4 +1,4 @@
-"""The messages of virtual stations, encoded by the message library: CAM, DENM, and CPM of what is near."""
+"""Messages of virtual stations, encoded: CAM, DENM, CPM."""
 
 from collections.abc import Sequence
 from math import cos, radians
@@ -10,26 +10,27 @@ from firmware.codec.library import load
 PASSENGER_CAR = 5  # StationType
 LENGTH_DM, WIDTH_DM = 42, 18
 ACCIDENT = 2  # CauseCodeType
-# Half axes of the ellipse of 95 %, cm: a good receiver's; what is simulated is not wrong at all.
+# Half axes in cm of the 95 % confidence ellipse: those of a good receiver. The simulated positions themselves are
+# exact.
 ELLIPSE = {"semiMajorConfidence": 100, "semiMinorConfidence": 100, "semiMajorOrientation": 0}
 MOST_OBJECTS = 20
-REACH_M = 100.0  # of a vehicle's sensors
-CPMS = ("cpm-2.1.1", "cpm-2.1.1-ext")  # editions with the same fields
-_DELTA = 131_071  # DeltaLatitude, 1e-7 degree
+REACH_M = 100.0  # range of a vehicle's sensors
+CPMS = ("cpm-2.1.1", "cpm-2.1.1-ext")  # editions of the CPM with the same fields
+_DELTA = 131_071  # limit of DeltaLatitude and DeltaLongitude, 1e-7 degree
 _VELOCITY, _COORDINATE = 16_382, 131_070
 
 
 class Past(NamedTuple):
-    """Where a vehicle was: ITS time in ms."""
+    """Past position of a vehicle; its_ms: ITS time in ms."""
 
     its_ms: int
     motion: Motion
 
 
 class Writer:
-    """Encodes. Raises NoLibraryError where there is no message library.
+    """Encodes messages of virtual stations. Raises NoLibraryError without a message library.
 
-    cpm  one of CPMS.
+    cpm  edition of the CPM: one of CPMS.
     """
 
     def __init__(self, cpm: str = CPMS[0]) -> None:
@@ -39,9 +40,13 @@ class Writer:
     def cam(
         self, station_id: int, its_ms: int, motion: Motion, acceleration: float, low: Sequence[Past] | None
     ) -> bytes:
-        """acceleration in m/s^2; low: the way behind, latest first, where the low frequency container is due."""
+        """Return an encoded CAM.
+
+        acceleration  m/s^2.
+        low           past positions, the latest first, if the low-frequency container is due; None: without it.
+        """
         parameters: dict[str, object] = {
-            "basicContainer": {"stationType": PASSENGER_CAR, "referencePosition": _place(motion, ELLIPSE)},
+            "basicContainer": {"stationType": PASSENGER_CAR, "referencePosition": _reference_position(motion, ELLIPSE)},
             "highFrequencyContainer": ("basicVehicleContainerHighFrequency", _fast(motion, acceleration)),
         }
         if low is not None:
@@ -52,14 +57,14 @@ class Writer:
         return self._cam.encode({"header": header, "cam": body})
 
     def denm(
-        self, station_id: int, sequence: int, detected_ms: int, its_ms: int, place: Motion, is_over: bool
+        self, station_id: int, sequence: int, detected_ms: int, its_ms: int, position: Motion, is_over: bool
     ) -> bytes:
-        """An accident at a place; is_over: it is cancelled."""
+        """Return an encoded DENM for an accident at a position; is_over: it cancels the event."""
         management: dict[str, object] = {
             "actionID": {"originatingStationID": station_id, "sequenceNumber": sequence % 65536},
             "detectionTime": detected_ms,
             "referenceTime": its_ms,
-            "eventPosition": _place(place, ELLIPSE),
+            "eventPosition": _reference_position(position, ELLIPSE),
             "relevanceDistance": "lessThan500m",
             "validityDuration": 60,
             "stationType": PASSENGER_CAR,
@@ -75,19 +80,19 @@ class Writer:
         )
 
     def cpm(self, station_id: int, its_ms: int, motion: Motion, objects: Sequence[tuple[int, Motion]]) -> bytes:
-        """objects: numbers and motions of what is near."""
+        """Return an encoded CPM; objects: number and motion of each vehicle nearby."""
         containers: list[object] = [{"containerId": 1, "containerData": {"orientationAngle": _angle(motion)}}]
         if objects:
             seen = [_object(motion, *one) for one in objects]
             data = {"numberOfPerceivedObjects": len(seen), "perceivedObjects": seen}
             containers.append({"containerId": 5, "containerData": data})
-        management = {"referenceTime": its_ms, "referencePosition": _place(motion, ELLIPSE)}
+        management = {"referenceTime": its_ms, "referencePosition": _reference_position(motion, ELLIPSE)}
         header = {"protocolVersion": 2, "messageId": 14, "stationId": station_id}
         payload = {"managementContainer": management, "cpmContainers": containers}
         return self._cpm.encode({"header": header, "payload": payload})
 
 
-def _place(motion: Motion, ellipse: dict[str, int]) -> dict[str, object]:
+def _reference_position(motion: Motion, ellipse: dict[str, int]) -> dict[str, object]:
     altitude = {"altitudeValue": motion.altitude_mm // 10, "altitudeConfidence": "unavailable"}
     return {
         "latitude": motion.latitude,
@@ -98,7 +103,7 @@ def _place(motion: Motion, ellipse: dict[str, int]) -> dict[str, object]:
 
 
 def _fast(motion: Motion, acceleration: float) -> dict[str, object]:
-    """BasicVehicleContainerHighFrequency: 0.1 degree, 0.01 m/s, 0.1 m/s^2."""
+    """Return a BasicVehicleContainerHighFrequency; its units are 0.1 degree, 0.01 m/s, 0.1 m/s^2."""
     return {
         "heading": {"headingValue": motion.heading // 10_000 % 3600, "headingConfidence": 10},
         "speed": {"speedValue": min(motion.speed_mm_s // 10, 16_382), "speedConfidence": 10},
@@ -119,14 +124,14 @@ def _fast(motion: Motion, acceleration: float) -> dict[str, object]:
 
 
 def _path(its_ms: int, motion: Motion, low: Sequence[Past]) -> list[object]:
-    """PathHistory: each point as seen from the one before it, the first from where the vehicle is."""
+    """Return a PathHistory: each point relative to the one before it, the first relative to the vehicle."""
     points: list[object] = []
     when, at = its_ms, motion
     for past in low:
         north, east = past.motion.latitude - at.latitude, past.motion.longitude - at.longitude
         if max(abs(north), abs(east)) > _DELTA:
             break
-        position = {"deltaLatitude": north, "deltaLongitude": east, "deltaAltitude": 12_800}  # unavailable
+        position = {"deltaLatitude": north, "deltaLongitude": east, "deltaAltitude": 12_800}  # 12,800: unavailable
         points.append({"pathPosition": position, "pathDeltaTime": max(1, min((when - past.its_ms) // 10, 65_535))})
         when, at = past
     return points
@@ -137,7 +142,7 @@ def _angle(motion: Motion) -> dict[str, int]:
 
 
 def _object(own: Motion, number: int, other: Motion) -> dict[str, object]:
-    """PerceivedObject: east and north of the own place (TS 103 324 clause 7.1.3), cm and cm/s."""
+    """Return a PerceivedObject, east and north of the own position in cm and cm/s (TS 103 324 clause 7.1.3)."""
     north = round((other.latitude - own.latitude) * 1e-7 * METRES * 100)
     east = round((other.longitude - own.longitude) * 1e-7 * METRES * cos(radians(own.latitude * 1e-7)) * 100)
     angle = radians(90 - other.heading / 1e5)

@@ -1,4 +1,4 @@
-"""Sends for all virtual stations, each when it is due, in one thread; late ones are sent late, and never left out."""
+"""Sender for all virtual stations; late messages are sent, never omitted."""
 
 import time
 from collections import Counter
@@ -10,7 +10,7 @@ from itertools import count, islice
 from random import Random
 from typing import Protocol, TypeAlias
 
-from board.time import leap_seconds, nearest_its_time_ms
+from board.time.scales import nearest_its_time_ms
 from drivers.message import Area, MessageType
 from drivers.sim.track import Motion
 from firmware.swarm.generation import CHECK_S
@@ -18,24 +18,24 @@ from firmware.swarm.messages import MOST_OBJECTS, REACH_M, Writer
 from firmware.swarm.vehicle import Vehicle, area_around, distance_m
 from firmware.topics import Topics
 
-REPEAT_S, REPETITIONS = 1.0, 10  # of a DENM, until it is cancelled
+REPEAT_S, REPETITIONS = 1.0, 10  # repetitions of a DENM and their interval, before it is cancelled
 TYPES = Topics()
 CAM, CPM, DENM = (TYPES.by_envelope[b"v2x.%s." % name] for name in (b"cam", b"cpm", b"denm"))
 
 
 @dataclass
 class Event:
-    """What a vehicle warns of; told: how often it has."""
+    """Event that a vehicle warns of; told: number of DENMs sent so far."""
 
     vehicle: Vehicle
     sequence: int
-    place: Motion
+    position: Motion
     detected_ms: int
     told: int = 0
 
 
 class Out(Protocol):
-    """Where messages go."""
+    """Function that sends a message."""
 
     def __call__(
         self, vehicle: Vehicle, kind: MessageType, pdu: bytes, now: float, its_ms: int, area: Area | None
@@ -44,11 +44,13 @@ class Out(Protocol):
 
 @dataclass(frozen=True)
 class Plan:
-    """What is sent.
+    """Messages to send.
 
-    cam_hz  CAMs a second of each, whatever it does; None: by the rules of EN 302 637-2.
-    cpm_hz  CPMs a second of each; 0 for none.
-    denm_hz  new events a second of all together; 0 for none. Each is told ten times, a second apart, then cancelled.
+    cam_hz   CAMs per second of each vehicle; None: by the rules of EN 302 637-2.
+    cpm_hz   CPMs per second of each vehicle; 0: none.
+    denm_hz  new events per second of the whole swarm; 0: none. Each is repeated ten times, a second apart, then
+             cancelled.
+    seed     seed of all random numbers.
     """
 
     cam_hz: float | None = None
@@ -59,7 +61,14 @@ class Plan:
 
 @dataclass
 class Sent:
-    """What was sent, by type and by type and station; how late the latest was, and how many were later than 0.1 s."""
+    """Counts of sent messages.
+
+    types     messages by type.
+    stations  messages by type and stationID.
+    latest_s  longest delay of a message after it was due, in seconds.
+    late      messages sent more than LATE_S after they were due.
+    seconds   duration so far.
+    """
 
     types: Counter[str]
     stations: Counter[tuple[str, int]]
@@ -72,15 +81,17 @@ class Sent:
         return self.types.total()
 
 
-# Does something that is due so many seconds after the start, and says when again; None: never.
+# Action of the timetable. It receives its due time in seconds after the start, and returns its next one; None: never
+# again.
 Call: TypeAlias = Callable[[float], float | None]
 LATE_S = 0.1
 
 
 class Swarm:
-    """Vehicles and their timetable.
+    """Vehicles and their timetable of messages.
 
-    wall   Unix time in seconds; clock: monotonic seconds.
+    clock  monotonic time in seconds.
+    wall   Unix time in seconds.
     """
 
     def __init__(
@@ -111,7 +122,7 @@ class Swarm:
             self._plan_call(self._chance.expovariate(plan.denm_hz), self._happen)
 
     def run(self, duration: float | None) -> Iterator[None]:
-        """Until nothing more is due within so many seconds; yields once a second."""
+        """Send all messages that are due within `duration` seconds; None: without end. Yields once a second."""
         start = self._clock()
         try:
             yield from self._run(start, duration)
@@ -143,7 +154,7 @@ class Swarm:
         heappush(self._due, (due, next(self._order), call))
 
     def _enlist(self, vehicle: Vehicle, phase: float) -> None:
-        """Stations of the same rate are spread over its period: phase is of 0 ... 1."""
+        """Schedule the messages of a vehicle; phase, from 0 to 1, spreads the vehicles over one period."""
         plan = self._plan
         period, cam = (CHECK_S, self._check) if plan.cam_hz is None else (1 / plan.cam_hz, self._cam)
         self._plan_call(phase * period, _steadily(period, partial(cam, vehicle)))
@@ -165,7 +176,7 @@ class Swarm:
         self._send(vehicle, CPM, pdu, due, its_ms)
 
     def _happen(self, due: float) -> float:
-        """A new event, which tells of itself until it is over."""
+        """Start a new event at a random vehicle; return the time of the next event."""
         vehicle = self._vehicles[self._chance.randrange(len(self._vehicles))]
         self._events += 1
         event = Event(vehicle, self._events, vehicle.move(due), self._its_ms())
@@ -177,9 +188,9 @@ class Swarm:
         is_over = event.told == REPETITIONS
         event.told += 1
         sender = event.vehicle
-        pdu = self._writer.denm(sender.station_id, event.sequence, event.detected_ms, its_ms, event.place, is_over)
+        pdu = self._writer.denm(sender.station_id, event.sequence, event.detected_ms, its_ms, event.position, is_over)
         sender.move(due)
-        self._send(sender, DENM, pdu, due, its_ms, area_around(event.place))
+        self._send(sender, DENM, pdu, due, its_ms, area_around(event.position))
         return None if is_over else due + REPEAT_S
 
     def _send(
@@ -190,12 +201,11 @@ class Swarm:
         self.sent.stations[kind.name, vehicle.station_id] += 1
 
     def _its_ms(self) -> int:
-        utc_s = self._wall()
-        return nearest_its_time_ms(utc_s, leap_seconds(utc_s))
+        return nearest_its_time_ms(self._wall())
 
 
 def _steadily(period: float, do: Callable[[float], None]) -> Call:
-    """Again and again, without drift."""
+    """Return an action that repeats without drift."""
     first: float | None = None
     times = 0
 

@@ -1,4 +1,4 @@
-"""One virtual station: it drives along its track, faster and slower, and writes its own messages and frames."""
+"""Virtual station: drives along its track, generates messages and frames."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -8,20 +8,26 @@ from random import Random
 from drivers.message import Area, Ego, MessageType, Position, Request, Shape
 from drivers.sim.track import METRES, Motion, Track
 from drivers.wire import frame
-from drivers.wire.geonet import GeoNetworking
+from drivers.wire.geonet.protocol import GeoNetworking, Mib
 from firmware.swarm.generation import Generation
 from firmware.swarm.messages import Past, Writer
 
-PATH_POINT_M = 25.0  # of a way between two points of a path history
+PATH_POINT_M = 25.0  # distance between two points of a path history
 PATH_POINTS = 8
 LIFETIME_S = 60.0
 HOPS = 5
-AREA_M = 500  # metres around an event that it is for
+AREA_M = 500  # radius of the area that is warned of an event
 
 
 @dataclass(frozen=True)
 class Style:
-    """How it drives: m/s on average, m/s more and less than that, seconds from one to the other and back."""
+    """Driving style of a vehicle.
+
+    speed     mean speed in m/s.
+    swing     amplitude of the speed in m/s.
+    period_s  seconds of one oscillation of the speed.
+    start_m   start along the track in metres.
+    """
 
     speed: float
     swing: float
@@ -30,13 +36,13 @@ class Style:
 
 
 def style(chance: Random, speed: float, length_m: float) -> Style:
-    """Of one driver: speed is that of all on average."""
+    """Return a random driving style; speed: mean of all vehicles in m/s."""
     mean = speed * chance.uniform(0.8, 1.2)
     return Style(mean, mean * chance.uniform(0.1, 0.6), chance.uniform(15, 60), chance.uniform(0, length_m))
 
 
 class Vehicle:
-    """A virtual station. Times are seconds of the loop's clock, and ITS time in ms."""
+    """Virtual station. Times are seconds of the swarm's clock; its_ms is ITS time in ms."""
 
     def __init__(self, number: int, station_id: int, track: Track, style: Style, writer: Writer) -> None:
         self.number = number
@@ -45,15 +51,15 @@ class Vehicle:
         self.generation = Generation()
         self.motion = track.at(style.start_m)
         self.is_moved_at = -1.0
-        self._track = track  # one metre a second: what it is asked for are metres
+        self._track = track  # its speed is 1 m/s, so that times given to it are metres
         self._style = style
         self._writer = writer
         self._acceleration = 0.0
         self._past: deque[Past] = deque(maxlen=PATH_POINTS)
-        self._core = GeoNetworking(self.mac, beacon_s=0.0, station_type=5)
+        self._core = GeoNetworking(self.mac, Mib(beacon_s=0.0, station_type=5))
 
     def move(self, now: float) -> Motion:
-        """Where it is then."""
+        """Move the vehicle to where it is at a time, and return its motion there."""
         if now != self.is_moved_at:
             speed, swing, period = self._style.speed, self._style.swing, self._style.period_s / tau
             way = speed * now + swing * period * (1 - cos(now / period))
@@ -72,10 +78,10 @@ class Vehicle:
         return pdu
 
     def frame(self, kind: MessageType, pdu: bytes, now: float, its_ms: int, area: Area | None = None) -> bytes:
-        """The Ethernet frame of a message: single hop, or a GeoBroadcast into an area."""
-        place = Position(self.motion.latitude, self.motion.longitude)
+        """Return the Ethernet frame of a message: single hop, or a GeoBroadcast to an area."""
+        position = Position(self.motion.latitude, self.motion.longitude)
         heading = self.motion.heading // 10_000 % 3600
-        ego = Ego(its_ms, place, is_known=True, speed=self.motion.speed_mm_s // 10, heading=heading)
+        ego = Ego(its_ms, position, is_known=True, speed=self.motion.speed_mm_s // 10, heading=heading)
         port, until = kind.btp_port or 0, now + LIFETIME_S
         request = Request(0, kind, pdu, port, now, until, kind.priority, kind.traffic_class, area, HOPS)
         return frame.wrap(self.mac, self._core.encode(request, now, ego))

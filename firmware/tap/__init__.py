@@ -1,1 +1,4 @@
-"""A back end's side of a broker: what a fleet publishes, taken by as many copies as it needs, shown and recorded."""
+"""Tap: receives a fleet's messages from a broker; several copies can share them.
+
+Commands: v2n_tap.
+"""

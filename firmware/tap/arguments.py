@@ -1,49 +1,62 @@
-"""A broker on the command line, in the words of the mqtt interface's options."""
+"""Options for a broker, with the names of the mqtt interface's options."""
 
 import argparse
 import os
 import socket
 
-from board.errors import ConfigurationError, UsageError
-from drivers.mqtt_options import KEEP_ALIVE_S, SESSION_EXPIRY_S, MqttOptions, check_files
-from drivers.mqtt_profile import names
-from firmware.user.arguments import integer
+from board.runtime.errors import ConfigurationError, UsageError
+from drivers.mqtt.options import KEEP_ALIVE_S, SESSION_EXPIRY_S, MqttOptions, check_files
+from drivers.mqtt.profile import names
+from firmware.client.arguments import integer
 
 
 def add_broker(parser: argparse.ArgumentParser) -> None:
-    """The options that settings_of() reads."""
+    """Add the options for a broker; settings_of() reads their values."""
     group = parser.add_argument_group("the broker, as in [interfaces.NAME] with driver = mqtt")
     group.add_argument("--url", required=True, help="mqtts://HOST[:PORT], or mqtt://HOST[:PORT] without TLS")
     group.add_argument(
         "--profile", default="vcaptain", help=f"{', '.join(names())}, or a TOML file with another (default vcaptain)"
     )
-    group.add_argument("--prefix", default="", help="that topics begin with, where the profile lets them")
-    group.add_argument("--ca", metavar="FILE", default="", help="who signs brokers (default: those of the system)")
-    group.add_argument("--certificate", metavar="FILE", default="", help="of this client, where the broker asks")
-    group.add_argument("--key", metavar="FILE", default="", help="its key, which nobody else may read")
-    group.add_argument("--username", metavar="NAME", default="")
-    group.add_argument("--password-file", metavar="FILE", default="", help="first line: the password")
-    group.add_argument("--version", choices=("5", "3.1.1"), default="5", help="of MQTT (default 5)")
-    group.add_argument("--client-id", metavar="NAME", default="", help="unique per broker (default: one of its own)")
+    group.add_argument("--prefix", default="", help="first levels of all topics, if the profile has a prefix")
     group.add_argument(
-        "--keep-alive-s", metavar="S", type=integer(5, 3600), default=KEEP_ALIVE_S, help="(default %(default)s)"
+        "--ca", metavar="FILE", default="", help="certificates of authorities (default: those of the system)"
+    )
+    group.add_argument(
+        "--certificate", metavar="FILE", default="", help="certificate of this client, if the broker asks"
+    )
+    group.add_argument("--key", metavar="FILE", default="", help="key of this client; only you may have access")
+    group.add_argument("--username", metavar="NAME", default="", help="user name at the broker")
+    group.add_argument("--password-file", metavar="FILE", default="", help="file whose first line is the password")
+    group.add_argument("--version", choices=("5", "3.1.1"), default="5", help="version of MQTT (default 5)")
+    group.add_argument("--client-id", metavar="NAME", default="", help="unique at the broker (default: a new one)")
+    group.add_argument(
+        "--keep-alive-s",
+        metavar="S",
+        type=integer(5, 3600),
+        default=KEEP_ALIVE_S,
+        help="interval of keep-alive messages (default %(default)s)",
     )
     group.add_argument(
         "--session-expiry-s",
         metavar="S",
         type=integer(1, 2_592_000),
-        help="the broker keeps for so long, at QoS 1, the share of a copy that was killed or is cut off; one that ends "
-        "leaves nothing behind; needs --client-id",
+        help="time for which the broker keeps messages (QoS 1) of a copy that was killed or disconnected; a copy that "
+        "ends leaves none; needs --client-id",
     )
-    group.add_argument("--qos", type=integer(0, 2), help="in place of the profile's")
-    group.add_argument("--plaintext", action="store_true", help="without TLS even to another machine")
+    group.add_argument("--qos", type=integer(0, 1), help="quality of service, in place of the profile's")
+    group.add_argument("--plaintext", action="store_true", help="permit mqtt:// to another machine, without TLS")
 
 
 def settings_of(arguments: argparse.Namespace) -> MqttOptions:
-    """What add_broker() was given. Raises StationError for what does not go together or is not there."""
+    """Return the settings that the options of add_broker() give.
+
+    Raises UsageError for an invalid combination, and StationError for a missing file.
+    """
     expiry_s = arguments.session_expiry_s
     if expiry_s is not None and not arguments.client_id:
-        raise UsageError("--session-expiry-s without --client-id", "a session is found again by its client's name")
+        raise UsageError(
+            "--session-expiry-s: only with --client-id", "add --client-id NAME: the broker finds a session by it"
+        )
     given = {
         name: getattr(arguments, name)
         for name in ("url", "profile", "prefix", "ca", "certificate", "key", "username", "password_file", "qos")
@@ -64,5 +77,5 @@ def settings_of(arguments: argparse.Namespace) -> MqttOptions:
 
 
 def _own_name() -> str:
-    """One that no other copy has."""
+    """Return a client name that is unique for each copy of the tap."""
     return f"captain-tap-{socket.gethostname()[:40]}-{os.getpid()}-{os.urandom(3).hex()}"

@@ -1,43 +1,42 @@
-"""A back end's connection to a broker: shared subscriptions, connected again when it is lost, left without loss.
+"""Connection of a tap to its broker: shared subscriptions, reconnected after a loss.
 
-paho-mqtt in the thread of the tool: what is not read yet waits in TCP, where the broker sees it, in no queue of ours.
+It uses the MQTT client of the mqtt interface in the tool's loop. Unread messages wait in TCP, where the broker notices
+them, instead of in a queue of the tool.
 """
 
+import math
 import random
-import ssl
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
 
-from board.errors import InterfaceError, StationError
-from drivers import mqtt_credentials, mqtt_trouble
-from drivers.mqtt_broker import broker
-from drivers.mqtt_options import MqttOptions
-from drivers.wire.v2n_message import Delivery
+from board.runtime.errors import InterfaceError, StationError
+from drivers.mqtt.broker import broker
+from drivers.mqtt.client import trouble
+from drivers.mqtt.client.backoff import Backoff
+from drivers.mqtt.client.settings import MqttSettings
+from drivers.mqtt.options import MqttOptions
+from drivers.reason import Reason
+from drivers.wire.v2n.message import Delivery, RefusedError
 
-if TYPE_CHECKING:
-    from firmware.tap.paho import Client
-
-ANSWER_S = 10.0  # unless it is wanted sooner
-FIRST_DELAY_S, LONGEST_DELAY_S = 0.5, 30.0
-# After UNSUBACK a broker sends what it had queued for us; when nothing came for so long there is nothing left.
+ANSWER_S = 10.0  # seconds for each of the broker's answers, unless given
+# After UNSUBACK a broker still sends queued messages; after this silence, none are left.
 DRAINED_S = 0.3
-LEAVE_S = 5.0  # and for that, altogether
-SHORT_S = 5.0  # a connection that is lost sooner has a reason
-TAKEN_OVER = 142  # reason code of DISCONNECT: another client came with our name (MQTT 5.0, 3.14.2.1)
-# mosquitto's: of all clients, since its start. Another broker sends none, or refuses it.
+LEAVE_S = 5.0  # limit for leaving the broker altogether
+# mosquitto's count of dropped messages of all clients since its start. Other brokers send none, or refuse the
+# subscription.
 DROPPED = "$SYS/broker/publish/messages/dropped"
 
 
 class Connection:
-    """Deliveries of some filters.
+    """Session with a broker on the drivers' Network (NetworkEvents): receives the deliveries of some topic filters.
 
-    filters  as the broker is asked, with their quality of service.
-    take     is called with each delivery, in turn().
-    say      is called with one line when the connection is lost, when another try fails for another reason, and when
-             it is back.
-    answer_s  limit for each of: TCP and TLS, CONNACK with SUBACK.
-    counts   losses, gap_s (seconds without a connection), repeated (DUP), dropped (by the broker, as far as it says).
+    filters   topic filters with their quality of service.
+    take      called with each delivery, in turn().
+    refuse    called with each delivery that no profile could read.
+    say       called with one line when the connection is lost, when a retry fails for a new reason, and after
+              reconnection.
+    answer_s  time limit in seconds, each for name, TCP, TLS and CONNACK together, and for SUBACK.
+    counts    losses, gap_s (seconds without a connection), repeated (DUP), dropped (as the broker reports).
     """
 
     def __init__(
@@ -45,236 +44,156 @@ class Connection:
         settings: MqttOptions,
         filters: Sequence[tuple[str, int]],
         take: Callable[[Delivery], None],
+        refuse: Callable[[RefusedError, Delivery], None],
         say: Callable[[str], None],
         answer_s: float = ANSWER_S,
     ) -> None:
-        self._answer_s = answer_s
+        # paho-mqtt is imported on demand, so that other commands start without it.
+        from drivers.mqtt.client.network import Network
+
         self.broker = broker(settings.url)
         self.counts = {"losses": 0.0, "gap_s": 0.0, "repeated": 0.0, "dropped": 0.0}
         self.is_up = False
-        self._settings = settings
+        self._settings = MqttSettings(**vars(settings), connect_s=answer_s)
         self._filters = list(filters)
-        self._take = take
-        self._say = say
-        self._client: Client | None = None
-        self._refusal = self._last_error = ""
-        self._answer_by = self._retry_at = self._lost_at = self._up_at = self._heard_at = 0.0
-        self._delay_s = FIRST_DELAY_S
+        self._take, self._refuse, self._say = take, refuse, say
+        self._network = Network(self._settings, None)
+        self._backoff = Backoff(self._settings.first_delay_s, self._settings.longest_delay_s, random.random)
+        self._last_error = ""
+        self._awaited = ""  # missing answer of the broker, as text, once it has accepted the connection
+        self._retry_at = self._answer_by = math.inf
+        self._lost_at = self._up_at = self._heard_at = 0.0
         self._dropped_before: float | None = None
-        self._has_left = False
+        self._is_leaving = self._has_left = False
 
     @property
     def has_been_up(self) -> bool:
         return self._up_at > 0.0
 
     def open(self) -> None:
-        """Connect and subscribe. Raises InterfaceError that names the broker and says why not."""
+        """Connect and subscribe. Raises InterfaceError with the broker and the reason if it fails."""
+        from drivers.mqtt.client.process import check
+
+        check(self._settings)
+        self._connect(time.monotonic())
         try:
-            self._connect()
             while not self.is_up:
-                self._loop(0.1)
+                self.turn(0.1)
         finally:
             if not self.is_up:
-                self._forget()
+                self._network.drop()
 
     def turn(self, longest_s: float) -> None:
-        """Take what is there, waiting for it at most so long. Raises StationError where going on is useless."""
-        if self._client is None:
-            self._try_again(longest_s)
-            return
-        try:
-            self._loop(longest_s)
-        except InterfaceError as error:
-            self._lost(error)
+        """Process deliveries; wait for them at most `longest_s`.
+
+        Raises StationError for an error that a retry cannot remove.
+        """
+        network, now = self._network, time.monotonic()
+        if now >= self._retry_at:
+            self._connect(now)
+        if now >= self._answer_by:
+            awaited = self._awaited or network.waits_for
+            network.drop()
+            self.failed(f"{awaited} within {self._settings.connect_s:g} s", now)
+        network.wait(self, min(self._retry_at, self._answer_by, now + longest_s))
 
     def leave(self) -> None:
-        """Unsubscribe, take what the broker had for us, and say good bye. What it has sent is not lost."""
-        client = self._client
-        if client is None:
-            return
-        try:
-            self._has_left = False
-            client.unsubscribe([text for text, _ in self._filters])
-            deadline = time.monotonic() + LEAVE_S
+        """Unsubscribe, receive the messages that the broker had queued, and disconnect."""
+        self._is_leaving = True
+        if self.is_up:
+            self._network.unsubscribe([text for text, _ in self._filters])
             self._heard_at = time.monotonic()
-            while time.monotonic() < deadline:
-                self._loop(0.05)
+            end = self._heard_at + LEAVE_S
+            while self.is_up and time.monotonic() < end:
+                self.turn(0.05)
                 if self._has_left and time.monotonic() - self._heard_at > DRAINED_S:
                     break
-            client.disconnect()
-            client.loop_write()
-        except InterfaceError as error:
-            self._say(f"captain: {error.message} while leaving")
-        finally:
-            self._forget()
-
-    # -- one connection
-
-    def _connect(self) -> None:
-        self._refusal = ""
-        client = self._client = self._made()
-        try:
-            client.connect(self.broker.host, self.broker.port, self._settings.keep_alive_s, **self._start())
-        except (OSError, ValueError) as error:
-            raise InterfaceError(f"{self.broker}: {mqtt_trouble.why(error, _is_of_tls(error))}") from error
-        self._answer_by = time.monotonic() + self._answer_s
-
-    def _made(self) -> "Client":
-        from paho.mqtt.client import MQTTv5, MQTTv311
-        from paho.mqtt.enums import CallbackAPIVersion
-
-        from firmware.tap.paho import Client
-
-        settings = self._settings
-        is_five = settings.version == 5
-        more: dict[str, Any] = {} if is_five else {"clean_session": settings.clean}
-        protocol = MQTTv5 if is_five else MQTTv311
-        client = Client(CallbackAPIVersion.VERSION2, settings.client_id, protocol=protocol, **more)
-        client.connect_timeout = self._answer_s
-        if self.broker.has_tls:
-            client.tls_set_context(mqtt_credentials.context(settings))
-        if settings.username:
-            client.username_pw_set(settings.username)
-            client.password = mqtt_credentials.password(settings)  # type: ignore[assignment] # octets are none of its types
-        client.on_connect = self._on_connect
-        client.on_subscribe = self._on_subscribe
-        client.on_unsubscribe = self._on_unsubscribe
-        client.on_disconnect = self._on_disconnect
-        client.on_message = self._on_message
-        return client
-
-    def _start(self) -> dict[str, Any]:
-        if self._settings.version != 5:
-            return {}
-        from paho.mqtt.packettypes import PacketTypes
-        from paho.mqtt.properties import Properties
-
-        properties: Any = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
-        if not self._settings.clean:
-            properties.SessionExpiryInterval = self._settings.session_expiry_s
-        return {"clean_start": self._settings.clean, "properties": properties}
-
-    def _loop(self, longest_s: float) -> None:
-        """One turn of paho. Raises InterfaceError when the connection is gone or the broker refuses."""
-        assert self._client is not None
-        code = self._client.loop(longest_s)
-        if self._refusal:
-            raise InterfaceError(f"{self.broker}: {self._refusal}")
-        if code:
-            why = mqtt_trouble.why(self._client.failure or EOFError())
-            raise InterfaceError(f"{self.broker}: {why if self.is_up else mqtt_trouble.early(why, self._settings)}")
-        if not self.is_up and time.monotonic() > self._answer_by:
-            raise InterfaceError(f"{self.broker}: no answer to CONNECT or SUBSCRIBE in {self._answer_s:g} s")
-
-    def _forget(self) -> None:
-        client, self._client, self.is_up = self._client, None, False
-        if client is not None and (line := client.socket()) is not None:
-            client.on_disconnect = None
-            line.close()
-
-    # -- lost and found
-
-    def _lost(self, error: InterfaceError) -> None:
         if self.is_up:
-            self.counts["losses"] += 1
-            self._lost_at = time.monotonic()
-            lasted_s = self._lost_at - self._up_at
-            # Not every broker says that it has another client of that name (mosquitto 2.0.11 does not).
-            doubt = f"; is there another client named {self._settings.client_id}?" if lasted_s < SHORT_S else ""
-            self._say(f"captain: {error.message} after {lasted_s:.1f} s{doubt}; connecting again")
-        elif error.message != self._last_error:
-            self._say(f"captain: {error.message}; trying again and again")
-        self._last_error = error.message
-        self._forget()
-        self._retry_at = time.monotonic() + self._delay_s * random.uniform(0.5, 1.0)
-        self._delay_s = min(2 * self._delay_s, LONGEST_DELAY_S)
+            self._network.disconnect()
+            self._network.finish()
+            self.is_up = False
+        else:
+            self._network.drop()
 
-    def _try_again(self, longest_s: float) -> None:
-        wait = self._retry_at - time.monotonic()
-        if wait > 0:
-            time.sleep(min(wait, longest_s))
-            return
-        try:
-            self._connect()
-        except InterfaceError as error:
-            self._lost(error)
+    def _connect(self, now: float) -> None:
+        self._awaited = ""
+        self._retry_at, self._answer_by = math.inf, now + self._settings.connect_s
+        self._network.connect()
 
-    def _is_back(self) -> None:
-        self.is_up = True
-        self._up_at = time.monotonic()
-        self._delay_s = FIRST_DELAY_S
-        if self._lost_at:
-            gap_s, self._lost_at = time.monotonic() - self._lost_at, 0.0
-            self.counts["gap_s"] += gap_s
-            self._say(f"captain: {self.broker}: connected again after {gap_s:.1f} s")
+    # NetworkEvents: called by the network.
 
-    # -- what paho calls
+    def connected(self, accepted: object, now: float) -> None:
+        self._awaited, self._answer_by = "no SUBACK", now + self._settings.connect_s
+        self._network.subscribe(self._filters)
 
-    def _on_connect(self, client: Any, userdata: Any, flags: Any, code: Any, properties: Any) -> None:
-        if code.is_failure:
-            self._refusal = f"refuses the connection: {mqtt_trouble.refusal(str(code))}"
-            return
-        client.subscribe(self._options_of(self._filters))
-        client.subscribe(self._options_of([(DROPPED, 0)]))
+    def failed(self, why: str, now: float, is_away: bool = False) -> None:
+        """Schedule a retry with back-off. Raises InterfaceError if the connection was never up."""
+        self._answer_by = math.inf
+        if not self.has_been_up:
+            raise InterfaceError(f"{self.broker}: {why}")
+        if why != self._last_error:
+            self._say(f"captain: {self.broker}: {why}; trying again and again")
+        self._last_error = why
+        self._retry_at = now + self._backoff.failed(is_away)
 
-    def _options_of(self, filters: Sequence[tuple[str, int]]) -> Any:
-        if self._settings.version != 5:
-            return list(filters)
-        from paho.mqtt.subscribeoptions import SubscribeOptions
-
-        return [(text, SubscribeOptions(qos=qos)) for text, qos in filters]
-
-    def _on_subscribe(self, client: Any, userdata: Any, mid: int, codes: Sequence[Any], _: Any) -> None:
-        if self.is_up:
-            return  # to DROPPED, which a broker need not have
-        refused = [
-            f"{text}: {mqtt_trouble.refusal(str(code))}"
-            for (text, _), code in zip(self._filters, codes, strict=False)
-            if code.is_failure
-        ]
-        if refused:
-            self._refusal = f"refuses the subscription to {', '.join(refused)}"
-            return
-        self._is_back()
-
-    def _on_disconnect(self, client: Any, userdata: Any, flags: Any, code: Any, properties: Any) -> None:
-        if not flags.is_disconnect_packet_from_server:
-            return
-        if code.value == TAKEN_OVER:
+    def lost(self, why: str, now: float, is_cut: bool = False, code: int = 0) -> None:
+        """Schedule a reconnection. Raises StationError if another client has taken over the client_id."""
+        if code == trouble.TAKEN_OVER:
             name = self._settings.client_id
             hint = "each copy needs a --client-id of its own; without the option it has one"
             raise StationError(f"{self.broker}: another client came with the name {name}", hint)
-        self._refusal = f"ends the connection: {mqtt_trouble.refusal(str(code))}"
+        was_up, self.is_up = self.is_up, False
+        if self._is_leaving:
+            self._say(f"captain: {self.broker}: {why} while leaving")
+        elif not was_up:
+            self.failed(why, now)
+        else:
+            self.counts["losses"] += 1
+            self._lost_at, self._last_error = now, why
+            self._say(f"captain: {self.broker}: {why} (after {now - self._up_at:.1f} s); connecting again")
+            self._retry_at = now + self._backoff.lost(was_good=True)
 
-    def _on_unsubscribe(self, *_: Any) -> None:
+    def subscribed(self, refused: dict[str, str], now: float) -> None:
+        if self.is_up:
+            return  # answer to the subscription to DROPPED, which a broker may refuse
+        if refused:
+            self._network.drop()
+            told = ", ".join(f"{text}: {words}" for text, words in refused.items())
+            self.failed(f"refuses the subscription to {told}", now)
+            return
+        self.is_up, self._up_at, self._answer_by = True, now, math.inf
+        self._backoff.reset()
+        self._network.subscribe([(DROPPED, 0)])
+        if self._lost_at:
+            gap_s, self._lost_at = now - self._lost_at, 0.0
+            self.counts["gap_s"] += gap_s
+            self._say(f"captain: {self.broker}: connected again after {gap_s:.1f} s")
+
+    def unsubscribed(self, now: float) -> None:
         self._has_left = True
 
-    def _on_message(self, client: Any, userdata: Any, message: Any) -> None:
-        self._heard_at = time.monotonic()
-        topic = _topic(message)
-        if topic == DROPPED:
-            self._note_dropped(message.payload)
+    def published(self, token: int, why: str, now: float) -> None:
+        """Do nothing: a tap publishes nothing."""
+
+    def writable(self, now: float) -> None:
+        """Do nothing: a tap has nothing to publish."""
+
+    def received(self, delivery: Delivery, now: float) -> None:
+        self._heard_at = now
+        if delivery.topic == DROPPED:
+            self._note_dropped(delivery.payload)
             return
-        self.counts["repeated"] += message.dup
-        self._take(Delivery(topic, message.payload, bool(message.retain)))
+        self.counts["repeated"] += delivery.is_repeated
+        self._take(delivery)
+
+    def drop(self, reason: Reason, sample: bytes, count: int = 1, why: str = "") -> None:
+        self._heard_at = time.monotonic()
+        self._refuse(RefusedError(reason, why), Delivery("", sample))
 
     def _note_dropped(self, payload: bytes) -> None:
         if not (payload.isdigit() and len(payload) < 20):
             return
         if self._dropped_before is None:
             self._dropped_before = float(payload)
-        # A broker that was started again counts from 0.
+        # A restarted broker counts from 0 again.
         self.counts["dropped"] = max(self.counts["dropped"], float(payload) - self._dropped_before)
-
-
-def _topic(message: Any) -> str:
-    """What is no UTF-8 stays in it as surrogates, for the tap to count."""
-    try:
-        return str(message.topic)
-    except UnicodeDecodeError as error:
-        return error.object.decode(errors="surrogateescape")
-
-
-def _is_of_tls(error: Exception) -> bool:
-    """Whether a connection ended in the handshake; before it, it is refused or not answered at all."""
-    return isinstance(error, ssl.SSLError | ConnectionResetError)

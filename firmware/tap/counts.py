@@ -1,4 +1,4 @@
-"""What a tap has taken, by type, and what it could not read, by reason."""
+"""Counts of a tap: messages by type, unreadable ones by reason."""
 
 import time
 from collections import Counter
@@ -6,15 +6,21 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from drivers.reason import MEANING, Reason
-from drivers.wire.v2n_message import Delivery, RefusedError
+from drivers.wire.v2n.message import Delivery, RefusedError
 from firmware.topics import Topics
 
-MAX_SAMPLE = 32  # octets of what could not be read
+MAX_SAMPLE = 32  # octets kept of an unreadable payload
 _TYPES = Topics()
 
 
 class Taken(NamedTuple):
-    """A message out of a delivery; received_ns is Unix time."""
+    """Message from a delivery.
+
+    btp_port     BTP port; None if unknown.
+    source       sender by the profile; may be empty.
+    topic        MQTT topic.
+    received_ns  Unix time of its arrival in nanoseconds.
+    """
 
     pdu: bytes
     btp_port: int | None
@@ -24,7 +30,7 @@ class Taken(NamedTuple):
 
     @property
     def type(self) -> str:
-        """The name of its messageID; the number where that has none."""
+        """Type name of the messageID; the number itself for an unknown messageID."""
         return _TYPES.by_number[self.pdu[1]].name or str(self.pdu[1])
 
     @property
@@ -33,7 +39,7 @@ class Taken(NamedTuple):
         return int.from_bytes(self.pdu[2:6])
 
     def record(self) -> dict[str, object]:
-        """As `--json` and files of JSON lines have it; the keys are those of `captain listen --json`."""
+        """Return the message as an object for `--json` and JSON lines, with the keys of `captain listen --json`."""
         return {
             "type": self.type,
             "station_id": self.station_id,
@@ -49,7 +55,12 @@ class Taken(NamedTuple):
 
 
 class Unread(NamedTuple):
-    """Deliveries that were not messages, for one reason: how many, and why and what the last one was."""
+    """Unreadable deliveries with one reason.
+
+    number  number of deliveries.
+    why     explanation of the last one.
+    sample  first octets of the last one.
+    """
 
     number: int
     why: str
@@ -57,16 +68,16 @@ class Unread(NamedTuple):
 
 
 class Counts:
-    """Of one tap since its start."""
+    """Counts of a tap since its start."""
 
     def __init__(self) -> None:
         self.started = time.monotonic()
         self.total = 0
         self.types: Counter[str] = Counter()
-        self.octets = 0  # of payloads, read or not
-        self.copies = 0  # of messages that come by another topic too
-        self.unwanted = 0  # of types that were not asked for
-        self.beyond = 0  # taken on the way out, after the count that was asked for
+        self.octets = 0  # octets of all payloads, readable or not
+        self.copies = 0  # messages whose other form, on another topic, was read
+        self.unwanted = 0  # messages of types that were not requested
+        self.beyond = 0  # messages received after the requested count, while leaving
         self.unread: dict[Reason, Unread] = {}
         self.unrecorded: Counter[str] = Counter()
 
@@ -80,7 +91,7 @@ class Counts:
         self.unread[error.reason] = Unread(number, error.message, delivery.payload[:MAX_SAMPLE])
 
     def lines(self, connection: Mapping[str, float]) -> Iterator[str]:
-        """What is said at the end. connection: counts of what happened to it, and `gap_s` without it."""
+        """Yield the lines of the final report; connection: counts of the Connection."""
         seconds = time.monotonic() - self.started
         types = ", ".join(f"{count} {kind}" for kind, count in sorted(self.types.items()))
         rate = self.total / seconds if seconds > 0 else 0.0
@@ -101,7 +112,7 @@ class Counts:
             yield f"the broker says that it dropped {connection['dropped']:.0f} meanwhile, of all its clients"
 
     def complaints(self) -> Iterator[str]:
-        """What was not read or not recorded, a line for each reason."""
+        """Yield one line per reason for unreadable deliveries and for messages that were not recorded."""
         for reason, (count, why, sample) in sorted(self.unread.items()):
             yield f"unreadable: {count} {reason}: {MEANING[reason]}; the last: {why} ({sample.hex()})"
         for why, count in sorted(self.unrecorded.items()):

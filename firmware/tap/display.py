@@ -1,22 +1,25 @@
-"""What a tap takes as a live table: a row for each type and station, and what could not be read below it."""
+"""Live table of a tap: a row for each type and station."""
 
 import time
 
+from firmware.client.received import Message
+from firmware.client.show.table import Screen, Table, plain, width_of
+from firmware.client.show.tally import HEADS, Tally, TallyRow, cells, folded
 from firmware.printable import clean
 from firmware.tap.connection import Connection
 from firmware.tap.counts import Counts, Taken
-from firmware.user.received import Message
-from firmware.user.table import Screen, Table, plain, width_of
-from firmware.user.tally import HEADS, Row, Tally, cells
 
-# A broker knows no signal strength.
-_RSSI = HEADS.index(">rssi dBm")
+# The column of signal strength is omitted: a broker does not know it.
+_RSSI = HEADS.index(">dBm")
 TAP_HEADS = (*HEADS[:_RSSI], *HEADS[_RSSI + 1 :])
 REDRAW_S = 0.5
 
 
 class Display:
-    """Draws often on a terminal; elsewhere the rows that changed, every second."""
+    """Table of received messages.
+
+    On a terminal it is redrawn every REDRAW_S; elsewhere the changed rows are printed once a second.
+    """
 
     def __init__(self, screen: Screen, counts: Counts, connection: Connection) -> None:
         self._tally = Tally()
@@ -38,10 +41,10 @@ class Display:
             self._marked = now
 
     def draw(self, now: float, is_last: bool = False) -> None:
-        """Show the table; is_last: with all rows, whatever is shown into, of a tap that has left its broker."""
+        """Show the table; is_last: the final one, with all rows even if the output is not a terminal."""
         title, notes = self._title(now, is_last), list(self._counts.complaints())
         beside = len(plain(Table(title, notes=notes), width_of(self._screen.stream)))
-        rows = self._tally.rows(max(1, self._screen.height - beside - 2))  # the heads; those that have no room, as one
+        rows = folded(self._tally.rows(), max(1, self._screen.height - beside - 1))  # 1: the line of headings
         if not (self._screen.is_terminal or is_last):
             rows = [row for row in rows if row.last >= self._marked]
         self._screen.show([Table(title, TAP_HEADS, [_cells(row, now) for row in rows], notes)])
@@ -58,13 +61,13 @@ class Display:
         return "  ".join(parts)
 
 
-def _cells(row: Row, now: float) -> tuple[str, ...]:
+def _cells(row: TallyRow, now: float) -> tuple[str, ...]:
     usual = cells(row, now)
     return (*usual[:_RSSI], *usual[_RSSI + 1 :])
 
 
 def line(message: Taken) -> str:
-    """A message as `--lines` prints it."""
+    """Return a message as the line that `--lines` prints."""
     seconds, rest = divmod(message.received_ns, 10**9)
     parts = (
         f"{time.strftime('%H:%M:%S', time.localtime(seconds))}.{rest // 10**6:03}",

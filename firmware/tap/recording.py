@@ -1,4 +1,4 @@
-"""Messages into files: JSON lines or pcap, a new file after so many messages or octets."""
+"""Recording of a tap: JSON lines or pcap, in files of limited size."""
 
 import contextlib
 import json
@@ -10,19 +10,23 @@ from itertools import count
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from board import state_file
-from board.errors import RequestError, StationError
+from board.runtime import state_file
+from board.runtime.errors import RequestError, StationError
+from firmware import file_remedy
 from firmware.tap.counts import Taken
 
 SUFFIXES = {".jsonl": "json", ".json": "json", ".pcap": "pcap", ".cap": "pcap"}
-MOST_FILES = 10**6  # of a name
-SETTLE_S = 0.5  # a cut of the power takes a second of messages at most; each wait for the card wears it
+MOST_FILES = 10**6  # files with one name
+# Seconds between syncs: a power failure loses at most a second of messages, but each sync wears the card.
+SETTLE_S = 0.5
 
 
 class Rotation(NamedTuple):
-    """When another file is begun: before one would have more octets or messages; None: never.
+    """Limits at which another file is begun; None: no limit.
 
-    keep  so many of the files that were written here, the oldest goes; None: all.
+    octets    octets of a file.
+    messages  messages of a file.
+    keep      number of files of this run to keep, the oldest is removed; None: all.
     """
 
     octets: int | None = None
@@ -35,18 +39,20 @@ class Rotation(NamedTuple):
 
 
 class Recording:
-    """Files of one name; never one that is there already. Every message is with the kernel before the next one.
+    """Recording to new files with one name; existing files are never overwritten.
 
-    path      of the file; with a rotation a number stands before the suffix: drive.000001.jsonl.
-    clock     monotonic seconds.
+    Each message is written to the kernel at once.
 
-    Raises RequestError for a name of no known kind, StationError where a file cannot be written.
+    path      path of the file; with a rotation, a number is put before the suffix: drive.000001.jsonl.
+    clock     monotonic time in seconds.
+
+    Raises RequestError for an unknown suffix, StationError if a file cannot be created or written.
     """
 
     def __init__(self, path: Path, rotation: Rotation, clock: Callable[[], float] = time.monotonic) -> None:
         form = SUFFIXES.get(path.suffix.lower())
         if form is None:
-            raise RequestError(f"{path}: {path.suffix or 'a name without a suffix'} is no form of recordings", _FORMS)
+            raise RequestError(f"{path}: unknown format: {path.suffix or 'no suffix'}", _FORMS)
         self.messages = 0
         self.files = 0
         self._form = form
@@ -54,31 +60,40 @@ class Recording:
         self._rotation = rotation
         self._clock = clock
         self._waits_since: float | None = None
-        self._is_new = True  # its name is not on the card yet
+        self._is_new = True  # the file's name is not synced to the card yet
         self._names = _numbered(path) if rotation.is_wanted else iter([path])
         self._kept: deque[Path] = deque()
-        self._open()
+        self._inside = self._octets = 0  # messages and octets of the current file
+        self._file = self._create()
+        self._begin()
 
     def write(self, message: Taken) -> None:
-        """Add a message. Raises RequestError where pcap has no frame for it, StationError where the file takes none."""
+        """Add a message.
+
+        Raises RequestError if pcap has no frame for it, StationError if the file cannot be written.
+        """
         octets = _json(message) if self._form == "json" else _frame(message)
         octets_most, messages_most, _ = self._rotation
         is_long = octets_most is not None and self._inside and self._octets + len(octets) > octets_most
         if is_long or self._inside == messages_most:
             self.close()
-            self._open()
+            self._file = self._create()
+            self._begin()
         self._put(octets)
         self._inside += 1
         self.messages += 1
         self.idle()
 
     def idle(self) -> None:
-        """Wait for the card where something has waited for SETTLE_S. To be called some times a second."""
+        """Sync to the card if data has waited for SETTLE_S. The caller calls it a few times a second."""
         if self._waits_since is not None and self._clock() - self._waits_since >= SETTLE_S:
             self.settle()
 
     def settle(self) -> None:
-        """All that was written outlives a cut of the power once this returns. Raises StationError."""
+        """Sync: all written messages survive a power failure once this returns.
+
+        Raises StationError if the card refuses.
+        """
         self._waits_since = None
         try:
             os.fsync(self._file.fileno())
@@ -89,19 +104,18 @@ class Recording:
             raise self._failed(error) from error
 
     def close(self) -> None:
-        """Of a file that is closed all is kept, where the card takes it."""
+        """Sync and close the file."""
         if self._waits_since is not None:
-            with contextlib.suppress(StationError):  # it was told when it was written, or will be by the next file
+            with contextlib.suppress(StationError):  # write() has reported this error, or the next file will
                 self.settle()
         self._file.close()
 
-    def _open(self) -> None:
-        self._file = self._create()
+    def _begin(self) -> None:
         self._is_new = True
         self.files += 1
         self._inside = self._octets = 0
         if self._form == "pcap":
-            from firmware.codec import capture
+            from firmware.recordings import capture
 
             self._put(capture.header())
         if len(self._kept) == self._rotation.keep:
@@ -114,10 +128,10 @@ class Recording:
                 try:
                     return path.open("xb")
                 except FileExistsError:
-                    continue  # another copy has it, or an earlier one
+                    continue  # an earlier run or another copy of the tap has created it
         except OSError as error:
-            raise StationError(f"{self._path}: {error.strerror}") from error
-        raise StationError(f"{self._path} is there already", "name another file, or let --max-messages number them")
+            raise StationError(f"--record: {self._path}: {error.strerror}", file_remedy.to_write(error)) from error
+        raise StationError(f"--record: {self._path}: the file exists", "name another, or add --max-messages")
 
     def _put(self, octets: bytes) -> None:
         try:
@@ -130,10 +144,11 @@ class Recording:
             self._waits_since = self._clock()
 
     def _failed(self, error: OSError) -> StationError:
-        return StationError(f"{self._file.name}: {error.strerror}; {self.messages} messages are recorded")
+        what = f"{self._file.name}: {error.strerror}; {self.messages} messages are recorded"
+        return StationError(what, file_remedy.to_write(error))
 
 
-_FORMS = f"take one of {', '.join(SUFFIXES)}"
+_FORMS = f"use one of {', '.join(SUFFIXES)}"
 
 
 def _numbered(path: Path) -> Iterator[Path]:
@@ -147,8 +162,8 @@ def _json(message: Taken) -> bytes:
 
 
 def _frame(message: Taken) -> bytes:
-    from firmware.codec import capture
     from firmware.codec.reading import Pdu
     from firmware.codec.writing import framed
+    from firmware.recordings import capture
 
     return capture.record(framed(Pdu(message.pdu, message.topic, message.btp_port)), message.received_ns)

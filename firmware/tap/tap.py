@@ -1,4 +1,4 @@
-"""A tap: takes deliveries of a broker, reads them by a profile, and gives messages to whoever shows or records them."""
+"""Tap: reads deliveries by a profile, and passes messages on."""
 
 import signal
 import sys
@@ -8,20 +8,25 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import NamedTuple
 
-from board.errors import RequestError
+from board.runtime.errors import RequestError
 from drivers.reason import Reason
-from drivers.wire.v2n import Profile
-from drivers.wire.v2n_message import Delivery, RefusedError
+from drivers.wire.v2n.message import Delivery, RefusedError
+from drivers.wire.v2n.profile import Profile
 from firmware.tap.connection import Connection
 from firmware.tap.counts import Counts, Taken
 from firmware.tap.recording import Recording
 
-INTERRUPTED = 130  # as a shell reports SIGINT
-TURN_S = 0.2  # between two looks at the clock while nothing comes
+INTERRUPTED = 130  # exit status after SIGINT, as in shells
+TURN_S = 0.2  # seconds between two looks at the clock while nothing arrives
 
 
-class Wish(NamedTuple):
-    """Which messages, by name or messageID, and until when; None or empty: all, for ever."""
+class TapFilter(NamedTuple):
+    """Selection of messages, and when to end.
+
+    types  types by name or messageID; empty: all.
+    most   end after this number of messages; None: no limit.
+    for_s  end after this time in seconds; None: no limit.
+    """
 
     types: frozenset[str] = frozenset()
     most: int | None = None
@@ -29,13 +34,13 @@ class Wish(NamedTuple):
 
 
 class Tap:
-    """Deliveries in, messages out.
+    """Converts deliveries of a broker to messages.
 
-    show     is called with each message that is wanted, once it is recorded.
-    is_copy  whether a topic that the profile does not know has only what comes by another one.
+    show     called with each selected message, after it is recorded.
+    is_copy  returns whether an unknown topic only carries copies of messages that another topic has.
     """
 
-    def __init__(self, profile: Profile, wish: Wish, recording: Recording | None = None) -> None:
+    def __init__(self, profile: Profile, wish: TapFilter, recording: Recording | None = None) -> None:
         self.counts = Counts()
         self.show: Callable[[Taken], object] = lambda message: None
         self.is_copy: Callable[[str], bool] = lambda topic: False
@@ -50,11 +55,10 @@ class Tap:
         return is_late or self.counts.total == wish.most
 
     def take(self, delivery: Delivery) -> None:
-        """Read a delivery and pass its message on; what cannot be read is counted by its reason."""
+        """Read a delivery and pass its message on; count an unreadable one by its reason."""
         received_ns = time.time_ns()
         self.counts.octets += len(delivery.payload)
         try:
-            _check_topic(delivery.topic)
             pdu, port, source = self._profile.receive(delivery)
         except RefusedError as error:
             if error.reason is Reason.TOPIC and self.is_copy(delivery.topic):
@@ -74,7 +78,7 @@ class Tap:
             self.show(message)
 
     def idle(self) -> None:
-        """To be called some times a second: what is recorded is not left with the kernel."""
+        """Sync the recording when it is due. The caller calls it a few times a second."""
         if self._recording is not None:
             self._recording.idle()
 
@@ -87,24 +91,15 @@ class Tap:
             self.counts.unrecorded[f"{message.type}: {error.message}"[:120]] += 1
 
 
-def _check_topic(topic: str) -> None:
-    """Raises RefusedError where a broker has sent octets as a topic that are no UTF-8 (MQTT 5.0, 1.5.4)."""
-    try:
-        topic.encode()
-    except UnicodeEncodeError:
-        octets = topic.encode(errors="surrogateescape")[:64]
-        raise RefusedError(Reason.TOPIC, f"topic {octets!r} is no UTF-8") from None
-
-
 class Signals:
-    """SIGINT and SIGTERM as flags: a tap leaves its broker before it ends."""
+    """SIGINT and SIGTERM noted as flags, so that a tap leaves its broker before it ends."""
 
     def __init__(self) -> None:
         self.number = 0
 
     def note(self, number: int, frame: FrameType | None) -> None:
         if self.number:
-            raise KeyboardInterrupt  # it was asked for twice
+            raise KeyboardInterrupt  # this is the second signal
         self.number = number
 
     @contextmanager
@@ -118,10 +113,7 @@ class Signals:
 
 
 def run(connection: Connection, tap: Tap, idle: Callable[[], None]) -> int:
-    """Take messages until the wish is fulfilled or a signal came; then leave the broker.
-
-    Returns the exit status.
-    """
+    """Receive messages until a limit or a signal; then leave the broker. Returns the exit status."""
     signals = Signals()
     connection.open()
     with signals.watched():
@@ -135,5 +127,5 @@ def run(connection: Connection, tap: Tap, idle: Callable[[], None]) -> int:
 
 
 def say(line: str) -> None:
-    """One line to whoever watches, beside what goes to standard output."""
+    """Print one line on standard error, separate from messages on standard output."""
     print(line, file=sys.stderr, flush=True)

@@ -1,35 +1,35 @@
-"""What a back end takes of a profile: everything that its templates can hold, or one tile of it."""
+"""Topic filters of a tap: all topics of a profile, or one tile."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
-from board.errors import ConfigurationError, RequestError
-from drivers.mqtt_options import MqttOptions
+from board.runtime.errors import ConfigurationError, RequestError
+from drivers.mqtt.options import MqttOptions
 from drivers.wire.quadkey import from_digits
-from drivers.wire.v2n_description import Form, ProfileDescription, Row, SubscribeRow
-from drivers.wire.v2n_message import Identity
-from drivers.wire.v2n_topic import Template, check_value
+from drivers.wire.v2n.description import Form, ProfileDescription, SubscribeRow, TopicRow
+from drivers.wire.v2n.message import Identity
+from drivers.wire.v2n.topic import Template, check_value
 
-# Of whoever published: a back end takes all of them.
+# Placeholders for the sender; a back end receives messages of every sender.
 _SENDER = ("{host}", "{station}", "{uuid}")
 _TILE = "{quadkey}"
-MAX_TOPIC = 1024  # characters: where a level has two gaps, matching takes the square of it
-# Forms of payloads, the ones that cost least and lose nothing first.
+MAX_TOPIC = 1024  # characters; matching a level with two placeholders takes quadratic time
+# Forms of payloads: first those that cost least to read and lose nothing.
 _READILY: tuple[Form, ...] = ("binary", "base64", "vcaptain", "orange", "orange-raw", "nap", "nap-body")
-NO_STATION = -1  # stationIDs begin at 0
+NO_STATION = -1  # invalid stationID: valid ones begin at 0
 
 
 def tapped(description: ProfileDescription, is_published: bool, has_all: bool = False) -> ProfileDescription:
-    """The profile of a back end: it receives from every sender.
+    """Return the profile of a back end, which receives from every sender.
 
-    is_published  what vehicles publish, in place of what they receive: a profile may have a topic for each. A message
-                  that goes to several is taken from one of them.
-    has_all       no: from each.
+    is_published  subscribe to topics where vehicles publish, instead of those where they receive: a profile may
+                  separate them. A message published to several topics is taken from one of them.
+    has_all       take a message from each of its topics.
     """
-    rows: Iterable[Row] = description.subscribe
+    rows: Iterable[TopicRow] = description.subscribe
     if is_published:
         rows = description.publish if has_all else _once(description.publish)
-    # The first that a topic fits is taken, and {type} fits what {type}_enc does.
+    # The first matching row is used, and {type} also matches text for {type}_enc. Longer topics therefore come first.
     ordered = sorted(rows, key=lambda row: -len(row.topic))
     return replace(
         description, subscribe=tuple(SubscribeRow(_open(row.topic), row.payload, row.types) for row in ordered)
@@ -37,9 +37,9 @@ def tapped(description: ProfileDescription, is_published: bool, has_all: bool = 
 
 
 def copies(description: ProfileDescription, prefix: str) -> Callable[[str], bool]:
-    """Whether a topic that is not taken is one where vehicles publish what is taken from another.
+    """Return a function that tells whether an unknown topic carries copies of messages taken from another topic.
 
-    Filters let them through: `+` for {type}_enc is one for {type}.
+    Such topics pass the broker's filters, because `+` for {type}_enc also matches {type}.
     """
     values = {"prefix": prefix or description.prefix}
     patterns = [Template(_open(row.topic), is_filter=True).pattern(values) for row in description.publish]
@@ -47,9 +47,11 @@ def copies(description: ProfileDescription, prefix: str) -> Callable[[str], bool
 
 
 def filters(description: ProfileDescription, prefix: str, tile: str = "") -> list[str]:
-    """What the broker is asked for, without `$share`.
+    """Return the topic filters for the broker, without `$share`.
 
-    tile  quadkey of the only tile that is wanted; empty: all. Raises RequestError where the topics name no tile.
+    tile  quadkey of the only requested tile; empty: all tiles.
+
+    Raises RequestError if a tile is requested but the profile's topics contain none.
     """
     if tile and not any(_TILE in row.topic for row in description.subscribe):
         raise RequestError(f"profile {description.name} has no tiles in its topics", "leave --tile out")
@@ -61,34 +63,46 @@ def filters(description: ProfileDescription, prefix: str, tile: str = "") -> lis
 
 
 def shared(group: str, text: str) -> str:
-    """A filter of which each message goes to one client of the group (MQTT 5.0, 4.8.2); no group: to every client."""
+    """Return a filter whose messages go to one client of the group each (MQTT 5.0, 4.8.2).
+
+    Without a group, each message goes to all clients.
+    """
     return f"$share/{group}/{text}" if group else text
 
 
 def identity(settings: MqttOptions) -> Identity:
-    """Who a tap is to its profile: nobody who publishes, so that nothing is taken for its own echo."""
+    """Return the identity of a tap for its profile.
+
+    A tap publishes nothing, so no message may count as its own echo.
+    """
     name = settings.client_id
     return Identity(name, NO_STATION, name, settings.prefix)
 
 
 def quadkey(text: str) -> str:
-    """A tile by its digits. Raises ValueError."""
+    """Return a valid quadkey. Raises ValueError for an invalid one."""
     return from_digits(text).digits()
 
 
 def group_name(text: str) -> str:
-    """The name of a shared subscription, or nothing. Raises ValueError."""
+    """Return a valid name of a shared subscription; it may be empty.
+
+    Raises ValueError for / + # and unprintable characters.
+    """
     if any(letter in "/+#\0" or not letter.isprintable() for letter in text):
-        raise ValueError(f"{text!r} cannot name a shared subscription: leave / + # out")
+        raise ValueError(f"{text!r}: invalid group; omit / + # and characters that do not print")
     return text
 
 
 def own_filter(text: str) -> str:
-    """A filter in place of the profile's. Raises ValueError."""
+    """Return a topic filter that replaces those of the profile.
+
+    Raises ValueError if it is invalid or contains $share.
+    """
     if text.startswith("$share/"):
-        raise ValueError(f"{text!r} is shared already: leave $share and the group out, and name that in --group")
+        raise ValueError(f"{text!r}: omit $share and the group, and name the group by --group")
     if not text or len(text) > MAX_TOPIC or not text.isprintable():
-        raise ValueError(f"{text[:40]!r} is no filter of up to {MAX_TOPIC} letters: write for example v2x/#")
+        raise ValueError(f"{text[:40]!r}: not a topic filter of up to {MAX_TOPIC} letters; for example v2x/#")
     try:
         Template(text, is_filter=True)
     except ConfigurationError as error:
@@ -96,13 +110,13 @@ def own_filter(text: str) -> str:
     return text
 
 
-def _once(rows: Sequence[Row]) -> list[Row]:
-    """Of the rows that a message goes to one; the one with its octets as they are before others."""
+def _once(rows: Sequence[TopicRow]) -> list[TopicRow]:
+    """Return rows such that each type is in one of them; rows with unchanged octets are preferred."""
     ordered = sorted(rows, key=lambda row: _READILY.index(row.payload))
     for row in ordered:
         if not row.types:
             return [row]
-    found: list[Row] = []
+    found: list[TopicRow] = []
     left = {kind for row in rows for kind in row.types}
     for row in ordered:
         if types := tuple(kind for kind in row.types if kind in left):
@@ -117,6 +131,6 @@ def _open(topic: str) -> str:
 
 
 def _cut(topic: str, tile: str) -> str:
-    """A tile has a level for each digit, nobody knows how many: where it begins, the filter ends."""
+    """Return a filter for a tile; it ends there, because a topic has one level per digit of an unknown number."""
     front, gap, _ = topic.partition(_TILE)
     return front + "/".join([*tile, "#"]) if gap else topic

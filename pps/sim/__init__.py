@@ -1,4 +1,4 @@
-"""What a pulse comes through, with the truth known: a crystal, its temperature, the machine's clocks, interrupts.
+"""Simulated pulse path with known true time: crystal, temperature, clocks, interrupts.
 
-Nothing of pps imports this folder: what judges a clock cannot know how it was made. True time is ITS time in ns.
+pps never imports this folder: an estimator must not know the simulated truth. True time is ITS time in ns.
 """

@@ -1,4 +1,4 @@
-"""How late the kernel stamps an edge, and the pulses that come of it."""
+"""Simulated interrupt delay of pulse stamps."""
 
 from collections.abc import Sequence
 from random import Random
@@ -10,29 +10,29 @@ from .machine import Machine
 # A ZED-F9P's time pulse: 30 ns RMS (u-blox, ZED-F9P data sheet, "time pulse signal").
 RECEIVER_NS = 30.0
 
-# The shortest path, by board, kernel and speed of the processor. Published: 4.4 us of a Raspberry Pi 4 (PPS-Client), 7
-# to 20 us of a Pi 5 (satpulse, issue 460).
+# Range of the shortest path, which depends on board, kernel and processor speed. Published: 4.4 us for a Raspberry Pi 4
+# (PPS-Client), 7 to 20 us for a Pi 5 (satpulse, issue 460).
 SHORTEST_NS = (2_000.0, 9_000.0)
 
-# An interrupt's lateness beyond the shortest path, when nothing else runs. With it the deviation of a quiet Raspberry
-# Pi 4 is the 0.6 us that PPS-Client's author measured over ten units.
+# Mean lateness beyond the shortest path on an idle machine. It gives the deviation of 0.6 us that PPS-Client's author
+# measured on ten idle Raspberry Pi 4.
 QUIET_NS = 500.0
 
-# Beside other work: how many of the interrupts wait for something, how long on average, and the longest.
+# Interrupts that wait for other work: their fraction, their mean wait, and the longest wait.
 QUIET_WAITS, BUSY_WAITS = 0.002, 0.15
 QUIET_WAIT_NS, BUSY_WAIT_NS = 15_000.0, 40_000.0
 LONGEST_NS = 500_000.0
 
-# Seconds by which it forgets where it was.
+# Time constant in s of the slow wander.
 WANDER_S = 8.0
 
 
 class Interrupts:
-    """Lateness of a kernel's stamps.
+    """Simulated lateness of a kernel's stamps.
 
-    base_ns   the shortest path from the edge to the stamp; drawn from SHORTEST_NS where it is not given.
-    loads     (from, to) in seconds after the start: when the machine is busy. Caches are cold then: 1 us more.
-    wander_ns  deviation of what moves slowly, within WANDER_S: an emulator's, whose host has other work.
+    base_ns    shortest path from the edge to the stamp; None: drawn from SHORTEST_NS.
+    loads      periods of load: (from, to) in seconds after the start. Cold caches then add 1 us.
+    wander_ns  standard deviation of a slow wander, within WANDER_S, as in an emulator whose host has other work.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class Interrupts:
         self._wander_ns, self._wandered_ns = wander_ns, 0.0
 
     def late_ns(self, second: float) -> float:
-        """Of an edge so many seconds after the start."""
+        """Return the lateness of an edge, given its time in seconds after the start."""
         random = self._random
         is_busy = any(begin <= second < end for begin, end in self._loads)
         late_ns = self._base_ns + random.expovariate(1 / QUIET_NS) + 1_000.0 * is_busy
@@ -63,14 +63,14 @@ class Interrupts:
 
 
 class Edges:
-    """A line whose edges the kernel stamps. Which edges there are, and which are false, is its user's matter."""
+    """Simulated line whose edges the kernel stamps. The caller decides which edges occur, false ones included."""
 
     def __init__(self, machine: Machine, interrupts: Interrupts, seed: int) -> None:
         self._machine, self._interrupts, self._random = machine, interrupts, Random(seed)
         self._sequence = 0
 
     def edge(self, its_ns: int) -> Pulse:
-        """An edge that the receiver meant for a true time."""
+        """Return the pulse of an edge that the receiver intends for this true time."""
         self._sequence = (self._sequence + 1) & 0xFFFFFFFF
         since_s = (its_ns - self._machine.oscillator.start_its_ns) * 1e-9
         late_ns = self._random.gauss(0, RECEIVER_NS) + self._interrupts.late_ns(since_s)
@@ -78,5 +78,5 @@ class Edges:
         return Pulse(self._sequence, clocks.system_ns, clocks.raw_ns, clocks.monotonic)
 
     def skip(self, count: int = 1) -> None:
-        """Edges that the kernel counted and nobody took."""
+        """Count edges as the kernel would, although the station misses them."""
         self._sequence = (self._sequence + count) & 0xFFFFFFFF

@@ -1,4 +1,4 @@
-"""The temperature of the air about a crystal, over days: the hour, the engine, the fan, the sun."""
+"""Simulated air temperature around a crystal: hour, engine, fan and sun."""
 
 from bisect import bisect_right
 from collections.abc import Iterable
@@ -10,7 +10,7 @@ DAY_S = 86400
 
 
 class Ramp(NamedTuple):
-    """A change: from `at_s` after the start on, by so many kelvin within `over_s` (0: at once), and it stays."""
+    """Temperature change by `kelvin`, starting at_s after the start, over over_s (0: at once); it persists."""
 
     at_s: float
     kelvin: float
@@ -18,7 +18,7 @@ class Ramp(NamedTuple):
 
 
 def fan(seed: int, begin_s: float, end_s: float, kelvin: float = 6.0, period_s: float = 900.0) -> list[Ramp]:
-    """A fan that is switched on and off by its thermostat, at times that vary by half."""
+    """Return the ramps of a fan that a thermostat switches on and off, at periods that vary."""
     random, ramps, at_s = Random(seed), [], begin_s
     while at_s + period_s < end_s:
         ramps.append(Ramp(at_s, -kelvin))
@@ -28,7 +28,7 @@ def fan(seed: int, begin_s: float, end_s: float, kelvin: float = 6.0, period_s: 
 
 
 def clouds(seed: int, begin_s: float, end_s: float, kelvin: float = 5.0, mean_s: float = 1200.0) -> list[Ramp]:
-    """Sun on the housing, and clouds before it: each change takes two minutes."""
+    """Return the ramps of sun on the housing that clouds interrupt; each change takes two minutes."""
     random, ramps, at_s, sign = Random(seed), [], begin_s, 1
     while at_s < end_s:
         ramps.append(Ramp(at_s, sign * kelvin, 120.0))
@@ -39,16 +39,16 @@ def clouds(seed: int, begin_s: float, end_s: float, kelvin: float = 5.0, mean_s:
 
 
 def engine(at_s: float, kelvin: float = 20.0, over_s: float = 1200.0) -> list[Ramp]:
-    """A vehicle that is driven for as long as it takes to warm up, and stands for three times as long."""
+    """Return the ramps of an engine: it warms up in over_s, stays warm as long, then cools in 3 * over_s."""
     return [Ramp(at_s, kelvin, over_s), Ramp(at_s + 2 * over_s, -kelvin, 3 * over_s)]
 
 
 class Temperature:
-    """Of the air in the housing, in degrees Celsius.
+    """Air temperature in the housing, in degrees Celsius.
 
-    mean_c      at the start of the first day, without its hour.
-    diurnal_k   half of what lies between the coldest and the hottest hour.
-    hottest_s   that hour, as seconds of the day.
+    mean_c      mean at the start of the first day, without the daily variation.
+    diurnal_k   half the difference between the coldest and the hottest hour.
+    hottest_s   hottest time, as seconds of the day.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Temperature:
         self._moments, self._levels = _corners(ramps)
 
     def at(self, second: float) -> float:
-        """So many seconds after the start."""
+        """Return the temperature at a time in seconds after the start."""
         hour = self._diurnal_k * cos(2 * pi * (second - self._hottest_s) / DAY_S)
         after = bisect_right(self._moments, second)
         if after == 0:
@@ -75,7 +75,7 @@ class Temperature:
 
 
 def _corners(ramps: Iterable[Ramp]) -> tuple[list[float], list[float]]:
-    """The moments at which the sum of all ramps bends, and the sum there."""
+    """Return the times at which the sum of all ramps bends, and the sum at each."""
     ramps = [Ramp(ramp.at_s, ramp.kelvin, max(ramp.over_s, 1.0)) for ramp in ramps]
     moments = sorted({ramp.at_s for ramp in ramps} | {ramp.at_s + ramp.over_s for ramp in ramps})
     levels = [sum(r.kelvin * min(1.0, max(0.0, (moment - r.at_s) / r.over_s)) for r in ramps) for moment in moments]

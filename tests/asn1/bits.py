@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-from asn1 import types as t
+from asn1.model import types as t
 from tests.asn1.ranges import Allowed, Union, alphabet, sizes
 
 K64 = 65536

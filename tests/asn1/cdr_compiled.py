@@ -7,9 +7,11 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-from asn1 import c, layout
-from asn1.ros2 import cdr, profile_etsi_its
-from asn1.types import Schema
+from asn1.backends.c import library as c
+from asn1.backends.ros2 import profile_etsi_its
+from asn1.backends.ros2.cdr import library as cdr
+from asn1.layout import layout
+from asn1.model.types import Schema
 from tests.asn1.compiled import BUILD, FLAGS, ROOM, RUNTIME
 
 SHIM = Path(__file__).with_name("cdr_compiled.c")

@@ -1,4 +1,4 @@
-"""The built module, as `make codec` leaves it; tests that need it fail where nobody built it."""
+"""The codec module of `make codec`; tests fail if it is missing."""
 
 import importlib
 import json

@@ -10,12 +10,12 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from asn1 import c
-from asn1.types import Message, Module, Reference, Schema
+from asn1.backends.c import library as c
+from asn1.model.types import Message, Module, Reference, Schema
 from tests.asn1.importing import imported, module
 
 ROOT = Path(__file__).resolve().parents[2]
-RUNTIME = ROOT / "asn1" / "runtime"
+RUNTIME = ROOT / "asn1" / "backends" / "c" / "runtime"
 SHIM = Path(__file__).with_name("compiled.c")
 BUILD = ROOT / "build" / "asn1-compiled"
 FLAGS = ("-std=c11", "-O0", "-fPIC", "-Wall", "-Wextra", "-Wconversion", "-Werror")

@@ -1,17 +1,17 @@
-"""PDUs of one edition, tried with every other edition whose header also fits: is one silently shown with other values?
+"""PDUs of one edition, decoded with every other edition that accepts the header.
 
-A value is made from the schema as a sender of the edition can write it, and encoded with each header that announces the
-edition. What the station's programs show, and what payloads of V2N hold, has to be the value; or the edition is named
-beside it. Values are compared by numbers, items, places of set bits, strings and absent components of the root: the
-rules of the library's own comparison (asn1/runtime/src/leaves.c), by other code, over the schema.
+A value is made from the schema as a sender of the edition can write it. It is encoded with each header that announces
+the edition. The station's programs and V2N payloads must show the value, or name the edition beside it. Values are
+compared by numbers, items, places of set bits, strings and absent components of the root. These are the rules of the
+library's own comparison (asn1/backends/c/runtime/src/leaves.c), in other code over the schema.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from asn1 import types as t
-from drivers.mqtt_profile import MessageLibrary
+from asn1.model import types as t
+from drivers.mqtt.profile import MessageLibrary
 from firmware.codec.identify import Identifier, Identity
 from tests.asn1.ranges import read_as, unfold
 from tests.asn1.reach import components, pruned

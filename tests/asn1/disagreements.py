@@ -1,14 +1,14 @@
-"""Where other codecs are wrong, and by which clause: the table, and how to see such a place in a value.
+"""Table of errors of other codecs, with the clause that decides.
 
-Clauses of X.680 and X.691 are those of 02/2021. A difference counts as explained where the value holds a construct of a row
-for that codec; where the row is `healed`, only if the codec agrees once the constraint is written in its effective form
-(effective.py), so that nothing else hides behind it.
+Clauses of X.680 and X.691 are those of 02/2021. A difference is explained if the value holds a construct of a row for
+that codec. If the row is `healed`, the codec must also agree once the constraint is written in its effective form
+(effective.py). So no other error hides behind it.
 """
 
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from asn1 import types as t
+from asn1.model import types as t
 from tests.asn1.bits import K16, Bits
 from tests.asn1.ranges import SIZES, numbers, sizes, unfold
 from tests.asn1.reach import Key, components, key_of

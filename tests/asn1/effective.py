@@ -6,7 +6,7 @@ is explained by a constraint exactly where the same codec agrees as soon as the 
 
 from dataclasses import replace
 
-from asn1 import types as t
+from asn1.model import types as t
 from tests.asn1.ranges import Allowed, Kept, numbers, sizes, unfold
 
 

@@ -1,6 +1,6 @@
 """A small schema that holds one of everything, for tests of what is made from a schema."""
 
-from asn1.types import (
+from asn1.model.types import (
     BitString,
     Boolean,
     CharacterString,
@@ -16,11 +16,11 @@ from asn1.types import (
     Module,
     Named,
     ObjectClass,
+    ObjectRow,
     ObjectSet,
     OpenType,
     Range,
     Reference,
-    Row,
     Schema,
     Sequence,
     SequenceOf,
@@ -93,7 +93,7 @@ def schema() -> Schema:
         sha256="0" * 64,
         definitions={name: Definition(name, type_, unit) for name, (type_, unit) in types.items()},
         classes={"CLASS": ObjectClass("CLASS", "&id", Integer(constraints=(numbers(0, 15),)), "&Type")},
-        sets={"Set": ObjectSet("Set", here("CLASS"), (Row(1, here("Box")), Row(2, here("Speed"))))},
+        sets={"Set": ObjectSet("Set", here("CLASS"), (ObjectRow(1, here("Box")), ObjectRow(2, here("Speed"))))},
     )
     message = Message("demo-1.0.0", "demo", 9, "Demo TS 1 v1.0.0", here("Demo"), (99,), (1, 2), 2099, 1)
     return Schema({"r9_demo": module}, {"demo-1.0.0": message})

@@ -1,11 +1,11 @@
 """ASN.1 text to a schema, without editions: for texts that a test writes, or that the schema wrote of itself."""
 
-from asn1 import types as t
-from asn1.importer.fault import Place
-from asn1.importer.module_parser import parse
-from asn1.importer.program import Source
-from asn1.importer.resolver import Resolver
-from asn1.importer.units import read_units
+from asn1.importer.parser.fault import Place
+from asn1.importer.parser.module_parser import parse
+from asn1.importer.resolver.program import Source
+from asn1.importer.resolver.resolver import Resolver
+from asn1.importer.resolver.units import read_units
+from asn1.model import types as t
 
 NOWHERE = Place("test", 1)
 

@@ -1,11 +1,11 @@
 """Small ASN.1 texts through the importer, without files."""
 
-from asn1 import types
-from asn1.importer.fault import ImportFault, Place
-from asn1.importer.module_parser import parse
-from asn1.importer.program import Source
-from asn1.importer.resolver import Resolved, Resolver
-from asn1.importer.units import Units
+from asn1.importer.parser.fault import ImportFault, Place
+from asn1.importer.parser.module_parser import parse
+from asn1.importer.resolver.program import Source
+from asn1.importer.resolver.resolver import Resolved, Resolver
+from asn1.importer.resolver.units import Units
+from asn1.model import types
 
 UNITS = Units({"0.1 metre": "0.1 m", "n/a": ""}, {})
 

@@ -5,7 +5,7 @@ import random
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from asn1 import types as t
+from asn1.model import types as t
 from tests.asn1.bits import K64, KNOWN_MULTIPLIER
 from tests.asn1.ranges import Allowed, Ends, alphabet, sizes
 

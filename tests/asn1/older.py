@@ -1,11 +1,11 @@
-"""What asn1tools sees of a newer value: without the additions that it does not know.
+"""Values as an older edition sees them: without later additions.
 
 Alternatives and items that it does not know it has no word for, and open types it does not look into.
 """
 
 from typing import Any
 
-from asn1 import types as t
+from asn1.model import types as t
 from tests.asn1.ranges import unfold
 from tests.asn1.reach import components
 

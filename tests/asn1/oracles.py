@@ -17,8 +17,8 @@ from typing import Any, Protocol
 
 import asn1tools
 
-from asn1 import asn
-from asn1 import types as t
+from asn1.backends.asn import text as asn
+from asn1.model import types as t
 from tests.asn1.ranges import unfold
 from tests.asn1.reach import components
 from tests.asn1.reference import Encoder

@@ -1,4 +1,4 @@
-"""What a chain of constraints allows, worked out a second time for the tests: nothing here is shared with asn1/constraints.py.
+"""Ranges of constraint chains, computed independently of asn1/model/constraints.py.
 
 Numbers, sizes and code points are unions of ranges; an end that is open is an infinity.
 """
@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from asn1 import types as t
+from asn1.model import types as t
 
 Ends = tuple[float, float]  # int or infinity
 Union = tuple[Ends, ...]  # ascending, none touching another

@@ -1,9 +1,9 @@
-"""What a PDU is made of: the definitions that it reaches, and a schema of nothing else, which slow compilers compile faster."""
+"""Schema of one PDU: only the definitions that it uses."""
 
 from collections.abc import Iterator
 from dataclasses import replace
 
-from asn1 import types as t
+from asn1.model import types as t
 
 Key = tuple[str, str]  # module, name
 

@@ -1,20 +1,20 @@
 """UPER written slowly from the text of X.691 (02/2021), to decide where other codecs disagree.
 
-It shares nothing with asn1/layout.py and the C that is made from it: one function per clause, straight from the schema, big
+It shares nothing with asn1/layout/layout.py and the C that is made from it: one function per clause, straight from the schema, big
 integers for bits. It only encodes; that a value comes back from its octets is for the codec under test to show.
 """
 
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from asn1 import types as t
+from asn1.model import types as t
 from tests.asn1 import bits as b
 from tests.asn1.bits import Bits, Encode
 from tests.asn1.ranges import numbers, sizes, unfold
 
 
 class Encoder:
-    """Encodes values of one schema, in the shapes of asn1/README.md."""
+    """Encodes values of one schema, in the shapes of asn1/guide/python-functions.md."""
 
     def __init__(self, schema: t.Schema) -> None:
         self._schema = schema

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from asn1 import cli as program
-from asn1 import commands, progress, selection, text
+from asn1 import commands, progress
+from asn1.model import selection, text
 
 ROOT = Path(__file__).resolve().parents[2]
 ASN = "Mine DEFINITIONS AUTOMATIC TAGS ::= BEGIN Alarm ::= SEQUENCE { level INTEGER (0..7), ... } END\n"
@@ -38,7 +39,7 @@ def test_the_list_as_json_is_an_object_a_line(capsys: pytest.CaptureFixture[str]
 
 
 def test_generating_says_what_was_written_and_what_to_do_next(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    assert run("generate", "cam", "denm-1.3.1", "--form", "docs", "--to", tmp_path / "out") == 0
+    assert run("generate", "cam", "denm-1.3.1", "--format", "docs", "--to", tmp_path / "out") == 0
     said = capsys.readouterr()
     assert said.out == f"{tmp_path}/out: 2 messages as docs, 3 files changed\nbegin with {tmp_path}/out/README.md\n"
     assert said.err == "[1/2] cam-1.4.1\n[2/2] denm-1.3.1\n"
@@ -47,22 +48,22 @@ def test_generating_says_what_was_written_and_what_to_do_next(tmp_path: Path, ca
 
 
 def test_asn_1_text_of_a_message_holds_the_modules_that_it_needs_and_no_others(tmp_path: Path):
-    assert run("generate", "cam-1.4.1", "--form", "asn", "--to", tmp_path / "out") == 0
+    assert run("generate", "cam-1.4.1", "--format", "asn", "--to", tmp_path / "out") == 0
     assert sorted(path.name for path in (tmp_path / "out").glob("*.asn")) == ["r1_cam.asn", "r1_cdd.asn"]
 
 
 @pytest.mark.parametrize(
     ("words", "status", "says"),
     [
-        (["generate", "--to", "OUT"], 2, "generate what?"),
+        (["generate", "--to", "OUT"], 2, "no messages chosen"),
         (["generate", "cam", "--all", "--to", "OUT"], 2, "exclude each other"),
         (["generate", "cm", "--to", "OUT"], 2, "did you mean"),
         (["generate", "cam"], 2, "required: --to"),
-        (["generate", "cam", "--form", "rust", "--to", "OUT"], 2, "invalid choice: 'rust'"),
-        (["generate", "cam", "--to", "."], 1, "was not made by captain-asn1"),
-        (["generate", "cam", "--form", "docs", "--to", "/proc/out"], 1, "/proc/"),
-        (["import", "OUT"], 1, "none of the files"),
-        (["import-check", "OUT"], 1, "none of the files"),
+        (["generate", "cam", "--format", "rust", "--to", "OUT"], 2, "invalid choice: 'rust'"),
+        (["generate", "cam", "--to", "."], 1, "not written by captain-asn1"),
+        (["generate", "cam", "--format", "docs", "--to", "/proc/out"], 1, "/proc/"),
+        (["import", "OUT"], 1, "contains no file of editions.toml"),
+        (["import-check", "OUT"], 1, "contains no file of editions.toml"),
         (["list", "--with", "OUT"], 1, "captain-asn1 add"),
         (["add", "no.asn", "--pdu", "A", "--name", "b", "--id", "1", "--port", "2"], 1, "no.asn: No such file"),
         (["compile"], 2, "invalid choice: 'compile'"),
@@ -82,9 +83,18 @@ def test_what_is_wrong_is_said_in_a_line_and_writes_nothing(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--form", "cmake", "--profile", "v2x_msgs"), "--profile is of the form ros2, not of cmake"),
-        (("--form", "docs", "--distro", "humble"), "--distro is of the form ros2, not of docs"),
-        (("--form", "ros2", "--ros2"), "--ros2 is of the forms cmake, sources, python, wheel, not of ros2"),
+        (
+            ("--format", "cmake", "--profile", "v2x_msgs"),
+            "--profile: not an option of --format cmake; it needs --format ros2",
+        ),
+        (
+            ("--format", "docs", "--distro", "humble"),
+            "--distro: not an option of --format docs; it needs --format ros2",
+        ),
+        (
+            ("--format", "ros2", "--ros2"),
+            "--ros2: not an option of --format ros2; it needs --format cmake or sources or python or wheel",
+        ),
     ],
 )
 def test_an_option_of_another_form_is_refused(words, said, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
@@ -97,8 +107,8 @@ def test_a_ros_package_that_is_not_asked_for_again_is_removed_and_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     for name in ("rawtx", "rawrx"):
-        assert run("generate", name, "--form", "ros2", "--to", tmp_path / "src") == 0
-    assert "removed, as they were not asked for again: captain_rawtx_1_msgs" in capsys.readouterr().out
+        assert run("generate", name, "--format", "ros2", "--to", tmp_path / "src") == 0
+    assert "removed, because this call did not name them: captain_rawtx_1_msgs" in capsys.readouterr().out
     assert sorted(path.name for path in (tmp_path / "src").iterdir() if path.is_dir()) == [
         "captain_rawrx_1_msgs",
         "captain_si",
@@ -112,16 +122,16 @@ def test_a_message_of_one_s_own_is_added_with_one_command_and_listed(
     assert run("add", tmp_path / "my.asn", "--pdu", "Alarm", "--name", "my-alarm", "--id", 2, "--port", 2999,
                "--to", tmp_path / "own") == 0  # fmt: skip
     said, warned = capsys.readouterr()
-    assert "octets 0 and 1 will not be protocolVersion and messageID: Alarm begins with an extension bit" in warned
-    assert "--edition my-alarm is needed" in warned
-    assert "messageID 2 also announces cam-1.4.1" in said
+    assert "octets 0 and 1 are not protocolVersion and messageID: Alarm begins with an extension bit" in warned
+    assert "needs --edition my-alarm" in warned
+    assert "messageID 2 is also that of cam-1.4.1" in said
     assert f"generate my-alarm --with {tmp_path / 'own'}" in said
     assert run("list", "--with", tmp_path / "own") == 0
     assert "my-alarm" in capsys.readouterr().out
     assert run("remove", "my-alarm", "--to", tmp_path / "own") == 0
     assert f"removed: {tmp_path / 'own' / 'my-alarm.toml'}" in capsys.readouterr().out
     assert run("remove", "my-alarm", "--to", tmp_path / "own") == 1
-    assert "my-alarm: no message of your own in" in capsys.readouterr().err
+    assert "my-alarm: not a message of your own in" in capsys.readouterr().err
 
 
 def test_two_directories_with_a_module_of_the_same_key_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
@@ -130,7 +140,7 @@ def test_two_directories_with_a_module_of_the_same_key_are_refused(tmp_path: Pat
         assert run("add", tmp_path / "my.asn", "--pdu", "Alarm", "--name", name, "--id", 2, "--port", 2999,
                    "--to", tmp_path / folder) == 0  # fmt: skip
     assert run("list", "--with", tmp_path / "one", "--with", tmp_path / "two") == 1
-    assert "two: x_my_alarm.schema is in another directory as well" in capsys.readouterr().err
+    assert "two: x_my_alarm.schema is in another directory, too" in capsys.readouterr().err
 
 
 WITHOUT_ASN1TOOLS = """
@@ -147,7 +157,7 @@ def run_without_asn1tools(*words: object) -> subprocess.CompletedProcess[str]:
 
 
 def test_only_what_reads_modules_needs_asn1tools(tmp_path: Path):
-    done = run_without_asn1tools("generate", "cam", "--form", "docs", "--to", tmp_path / "out")
+    done = run_without_asn1tools("generate", "cam", "--format", "docs", "--to", tmp_path / "out")
     assert (done.returncode, done.stderr) == (0, "[1/1] cam-1.4.1\n")
 
 
@@ -165,8 +175,8 @@ def test_import_check_shows_the_difference(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(commands, "_with_modules", lambda folder: folder)
-    monkeypatch.setattr("asn1.importer.import_modules", lambda folder, tell: text.load_schema())
-    monkeypatch.setattr("asn1.importer.compare", lambda schema, folder: ["--- a", "+++ b", "-old", "+new"])
+    monkeypatch.setattr("asn1.importer.standards.import_modules", lambda folder, tell: text.load_schema())
+    monkeypatch.setattr("asn1.importer.standards.compare", lambda schema, folder: ["--- a", "+++ b", "-old", "+new"])
     assert run("import-check", tmp_path) == 1
     assert capsys.readouterr().out.splitlines() == ["--- a", "+++ b", "-old", "+new"]
 
@@ -176,9 +186,9 @@ def test_import_check_compares_the_codecs_where_the_schema_is_the_same(
 ):
     monkeypatch.setattr(commands, "_with_modules", lambda folder: folder)
     monkeypatch.setattr(
-        "asn1.importer.import_modules", lambda folder, tell: selection.part(text.load_schema(), ["cam-1.4.1"])
+        "asn1.importer.standards.import_modules", lambda folder, tell: selection.part(text.load_schema(), ["cam-1.4.1"])
     )
-    monkeypatch.setattr("asn1.importer.compare", lambda schema, folder: [])
+    monkeypatch.setattr("asn1.importer.standards.compare", lambda schema, folder: [])
     assert run("import-check", tmp_path) == 0
     assert capsys.readouterr().out == "2 modules: the same schema and the same codecs, octet for octet\n"
 
@@ -242,3 +252,28 @@ def test_ctrl_c_while_the_program_loads_is_quiet(tmp_path: Path):
         check=False,
     )
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [("none.asn", "No such file or directory; name an existing file"), (".", "Is a directory; name a file")],
+)
+def test_add_of_a_file_that_cannot_be_read_names_the_remedy_of_its_errno(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, remedy: str
+) -> None:
+    add = [
+        "add",
+        tmp_path / name,
+        "--pdu",
+        "A",
+        "--name",
+        "mine",
+        "--id",
+        200,
+        "--port",
+        3000,
+        "--to",
+        tmp_path / "own",
+    ]
+    assert run(*add) == 1
+    assert remedy in capsys.readouterr().err

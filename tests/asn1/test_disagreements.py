@@ -1,7 +1,7 @@
-"""Where codecs disagree, decided by the text of X.680 and X.691: the octets are worked out by hand.
+"""Disagreements of codecs, decided by X.680 and X.691, with octets by hand.
 
-Each row of disagreements.TABLE has an example here, and nobody else is wrong about it. A codec that is mended fails its
-test: then its row goes.
+Each row of disagreements.TABLE has an example here, on which all other codecs are right. A corrected codec fails its
+test: remove its row then.
 """
 
 from typing import Any, NamedTuple
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import asn1tools
 import pytest
 
-from asn1 import asn
+from asn1.backends.asn import text as asn
 from tests.asn1 import oracles
 from tests.asn1.disagreements import TABLE, Constructs, explained
 from tests.asn1.effective import effective

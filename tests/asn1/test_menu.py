@@ -6,10 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from asn1 import add, library, menu, text
 from asn1 import cli as program
+from asn1 import menu
+from asn1.backends.registry import BACKENDS
+from asn1.model import text
+from asn1.own import add
 
-CAM = ["generate", "cam", "--form"]
+CAM = ["generate", "cam", "--format"]
 
 
 class Answers:
@@ -44,12 +47,12 @@ def test_the_first_choice_lists(monkeypatch: pytest.MonkeyPatch):
 
 def test_the_standard_set_goes_into_a_directory_of_choice(monkeypatch: pytest.MonkeyPatch):
     started, _ = run(monkeypatch, "2", "1", "1", "n", "/tmp/here")
-    assert started == [["generate", "--standard", "--form", "cmake", "--to", "/tmp/here"]]
+    assert started == [["generate", "--standard", "--format", "cmake", "--to", "/tmp/here"]]
 
 
 def test_an_empty_answer_takes_the_default(monkeypatch: pytest.MonkeyPatch):
     started, _ = run(monkeypatch, "2", "2", "5", "")
-    assert started == [["generate", "--all", "--form", "docs", "--to", "build/docs"]]
+    assert started == [["generate", "--all", "--format", "docs", "--to", "build/docs"]]
 
 
 def test_messages_can_be_named_and_their_names_are_shown(
@@ -57,24 +60,24 @@ def test_messages_can_be_named_and_their_names_are_shown(
 ):
     started, _ = run(monkeypatch, "2", "3", "cam 'cpm-*'", "2", "", "out")
     assert "cam-1.4.1" in capsys.readouterr().out
-    assert started == [["generate", "cam", "cpm-*", "--form", "sources", "--to", "out"]]
+    assert started == [["generate", "cam", "cpm-*", "--format", "sources", "--to", "out"]]
 
 
 def test_ros_2_packages_have_the_names_of_somebody(monkeypatch: pytest.MonkeyPatch):
-    form = str(list(library.FORMS).index("ros2") + 1)
+    form = str(list(BACKENDS).index("ros2") + 1)
     started, _ = run(monkeypatch, "2", "3", "cam", form, "2", "3", "out")
     asked = [*CAM, "ros2", "--profile", "v2x_msgs", "--distro", "kilted", "--to", "out"]
     assert started == [asked]
 
 
 def test_ros_2_packages_do_not_go_where_the_ros_of_the_tests_is(monkeypatch: pytest.MonkeyPatch):
-    form = str(list(library.FORMS).index("ros2") + 1)
+    form = str(list(BACKENDS).index("ros2") + 1)
     [line], _ = run(monkeypatch, "2", "3", "cam", form, "1", "1", "")
     assert line[-2:] == ["--to", "build/ros2-packages"]
 
 
 def test_a_wheel_for_the_gateway_is_asked_for(monkeypatch: pytest.MonkeyPatch):
-    form = str(list(library.FORMS).index("wheel") + 1)
+    form = str(list(BACKENDS).index("wheel") + 1)
     started, _ = run(monkeypatch, "2", "3", "cam", form, "y", "out")
     assert started == [[*CAM, "wheel", "--ros2", "--to", "out"]]
 
@@ -112,8 +115,8 @@ def test_each_answer_is_checked_when_it_is_given_and_asked_for_again(
     started, _ = run(monkeypatch, "3", *answers)
     assert started == [["add", file, "--pdu", "MyPdu", "--name", "my-msg", "--id", "240", "--port", "2999"]]
     said = capsys.readouterr().out
-    for reason in ("no file nowhere.asn", "did you mean MyPdu", "v: my.asn defines no such type", "lower-case letters",
-                   "choose another name", "'many' is no number from 0 to 255", "'256'", "'-1' is no number"):  # fmt: skip
+    for reason in ("nowhere.asn: file not found", "did you mean MyPdu", "v: my.asn defines no such type", "lower-case letters",
+                   "choose another name", "'many': out of range; 0 to 255", "'256'", "'-1': out of range"):  # fmt: skip
         assert reason in said
 
 
@@ -140,8 +143,8 @@ def test_a_message_of_one_s_own_is_removed_by_its_number(
 ):
     monkeypatch.setattr(text, "SCHEMA", tmp_path)
     assert run(monkeypatch, "4", "1")[0] == [["list"]]
-    assert "no message of your own is here" in capsys.readouterr().out
-    add.add(add.Wish(Path(file), "MyPdu", "my-msg", 240, 2999), text.load_schema(), tmp_path)
+    assert "you have not added a message" in capsys.readouterr().out
+    add.add(add.UserRequest(Path(file), "MyPdu", "my-msg", 240, 2999), text.load_schema(), tmp_path)
     here = text.load_schema(tmp_path)
     monkeypatch.setattr(text, "load_schema", lambda: here)
     assert run(monkeypatch, "4", "1")[0] == [["remove", "my-msg"]]
@@ -150,14 +153,14 @@ def test_a_message_of_one_s_own_is_removed_by_its_number(
 def test_a_number_that_is_none_is_asked_for_again(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
     started, _ = run(monkeypatch, "9", "x", "1")
     assert started == [["list"]]
-    assert "none of 1 to" in capsys.readouterr().out
+    assert "out of range; 1 to" in capsys.readouterr().out
 
 
 def test_the_command_line_is_shown_so_that_it_can_be_repeated(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     run(monkeypatch, "2", "3", "'cpm-*'", "2", "", "my dir")
-    assert "$ captain-asn1 generate 'cpm-*' --form sources --to 'my dir'" in capsys.readouterr().out
+    assert "$ captain-asn1 generate 'cpm-*' --format sources --to 'my dir'" in capsys.readouterr().out
 
 
 def test_an_empty_answer_goes_back_and_q_ends(monkeypatch: pytest.MonkeyPatch):

@@ -6,8 +6,9 @@ from typing import Any
 import asn1tools
 import pytest
 
-from asn1 import types as t
+from asn1.model import types as t
 from tests.asn1 import codec, tshark
+from tests.asn1.backends.cmake.test_library import CPM_R2
 from tests.asn1.bits import Bits
 from tests.asn1.disagreements import TABLE
 from tests.asn1.effective import effective
@@ -17,7 +18,6 @@ from tests.asn1.oracles import Asn1tools, Pycrate
 from tests.asn1.ranges import read_as
 from tests.asn1.reach import pruned
 from tests.asn1.reference import Encoder
-from tests.asn1.test_library import CPM_R2
 from tests.asn1.trial import Tally, Trial, chunks, reads
 from tests.asn1.truth import report, schema, tasks
 from tests.asn1.values import Values

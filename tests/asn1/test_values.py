@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from asn1 import types as t
+from asn1.model import types as t
 from tests.asn1.imported import snippet
 from tests.asn1.ranges import unfold
 from tests.asn1.reach import components

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from asn1 import types as t
+from asn1.model import types as t
 from tests.asn1 import tshark
 from tests.asn1.disagreements import Constructs, explained
 from tests.asn1.effective import effective

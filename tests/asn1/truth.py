@@ -17,8 +17,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from asn1 import text
-from asn1 import types as t
+from asn1.model import text
+from asn1.model import types as t
 from tests.asn1 import confusion, tshark
 from tests.asn1.disagreements import TABLE
 from tests.asn1.trial import Codec, Tally, Trial, chunks

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 from xml.etree import ElementTree
 
-from asn1 import types as t
+from asn1.model import types as t
 from drivers.wire import btp
 from firmware.lab.pcap import Pcap
 from tests.asn1.ranges import numbers, unfold

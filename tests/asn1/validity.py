@@ -1,4 +1,4 @@
-"""Whether a value keeps to every constraint of its type, those that the encoding does not see included: X.680 49 to 51.
+"""Validator of values against every constraint of X.680, clauses 49 to 51.
 
 Written a second time for the tests, straight over the schema; it shares nothing with the library's validators. What an
 extension marker lets through is allowed: it is of a later edition.
@@ -6,7 +6,7 @@ extension marker lets through is allowed: it is of a later edition.
 
 from typing import Any
 
-from asn1 import types as t
+from asn1.model import types as t
 from tests.asn1.ranges import has_marker, unfold
 from tests.asn1.reach import components
 

@@ -1,14 +1,14 @@
-"""Values of a PDU, made from the schema: in the shapes of asn1/README.md, the same for the same seed.
+"""Generator of values of a PDU, reproducible by its seed; shapes of asn1/guide/python-functions.md.
 
-Roots and extensions, every alternative and item, boundaries of numbers and sizes, absent and present, and what a newer sender
-would add. A value has a mood (how much of it is present, how large it may become, whether it knows more than we do), so that
-some are as small as can be and some hold nearly everything. What recurs and what is long is bounded by a budget of values.
+Roots and extensions, every alternative and item, boundaries of numbers and sizes, absent and present, and additions
+of a newer sender. A value has a mood: how much of it is present, how large it may become, whether it is of a newer
+edition. So some values are minimal and some hold nearly everything. A budget bounds recursion and long values.
 """
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from asn1 import types as t
+from asn1.model import types as t
 from tests.asn1 import leaves
 from tests.asn1.leaves import NEVER, Holder, Make, Mood
 from tests.asn1.ranges import Allowed, numbers, sizes, unfold
@@ -190,7 +190,7 @@ class Values:
 
         return make
 
-    def _rows(self, type_: t.ClassField | t.OpenType) -> tuple[t.Row, ...]:
+    def _rows(self, type_: t.ClassField | t.OpenType) -> tuple[t.ObjectRow, ...]:
         return self._schema.modules[type_.set_.module].sets[type_.set_.name].rows
 
     def _sequence(self, type_: t.Sequence) -> Make:

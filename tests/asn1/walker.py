@@ -7,8 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-RUNTIME = Path("asn1/runtime")
-PROGRAM = Path("tests/asn1/runtime")
+RUNTIME = Path("asn1/backends/c/runtime")
+PROGRAM = Path("tests/asn1/backends/c/runtime")
 BUILD = Path("build/asn1-runtime")
 FLAGS = (
     "-std=c11", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all",

@@ -1,15 +1,15 @@
-"""All attacks on a station's ports at once, beside a good client; the same time without attacks before it.
+"""Attacks on all ports of a station, beside a good client.
 
 usage: python -m tests.attack [--duration 60] [--captain COMMAND] [--only NAME ...]
 
-The loop's lag is how long the control socket, which the loop serves, takes for an answer; a message's is from the air to
-a subscriber, with libzmq's own thread on its way. Where there are two processors or more, the loop's thread and the
-client have the first one, libzmq's thread and the attackers the others: a box has four.
+The loop's lag is the time of an answer of the control socket, which the loop serves. A message's lag is from the air
+to a subscriber, with libzmq's own thread on its way. With two processors or more, the loop's thread and the client
+have the first one. The attackers and libzmq's thread have the others: a box has four.
 
-Ends with 1 when the station ended, a message of the good client was lost, one or the loop took 1 s, memory grew by more
-than 64 MB (160 by several attacks), descriptors were not released, or from 60 s on the p99 of the loop's lag was more
-than 3 times that without attacks. In less time that ratio is shown beside its goal alone: the 99th of 100 is a matter of
-chance.
+Ends with 1 if the station ended, or a message of the good client was lost. Also if a message or the loop took 1 s,
+memory grew by more than 64 MB (160 with several attacks), or descriptors leaked. From 60 s on, the p99 of the loop's
+lag may be 3 times that without attacks. In less time this ratio is only shown beside its goal: the 99th of
+100 is a matter of chance.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""What a hostile peer of the endpoint does, again and again until it is ended.
+"""Hostile peers of the endpoint, each repeated until the station ends it.
 
 usage: python -m tests.attack.attacks NAME PORT
 """

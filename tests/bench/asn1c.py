@@ -15,8 +15,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-from asn1 import asn
-from asn1.text import load_schema
+from asn1.backends.asn import text as asn
+from asn1.model.text import load_schema
 from tests.asn1.reach import pruned
 from tests.bench.asn1c_text import SIZE, helped
 from tests.bench.message_views import Case

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import cast
 
-from asn1 import types as t
+from asn1.model import types as t
 
 OPEN = "open types as OCTET STRING, which it does not look into"
 GROUP = "[[ ]] as one SEQUENCE"

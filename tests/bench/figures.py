@@ -1,4 +1,4 @@
-"""What the measurements of all pairs come to, as lines with a goal beside each."""
+"""Figures of all pairs of measurements, each with its goal."""
 
 from statistics import median
 from typing import Any, NamedTuple

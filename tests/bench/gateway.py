@@ -22,8 +22,8 @@ import zmq
 
 from drivers.message import RxInfo
 from drivers.wire import raw
-from tests.gateway.real import CAM
-from tests.ros2 import codec, gateway, ros, stations
+from tests.firmware.gateway.real import CAM
+from tests.proof.ros2 import codec, gateway, ros, stations
 from tests.system.ports import Ports
 
 RATES = (10, 100, 1000)

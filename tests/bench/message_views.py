@@ -1,4 +1,4 @@
-"""What a program reads of a message: five fields of each one of the benchmark, from a view and by a reader."""
+"""Five fields of each benchmark message, read by a view and a reader."""
 
 import json
 from pathlib import Path

@@ -17,7 +17,7 @@ from pathlib import Path
 from timeit import Timer
 from typing import Any, NamedTuple
 
-from asn1.types import Reference, Schema
+from asn1.model.types import Reference, Schema
 from tests.bench import asn1c, message_views
 from tests.bench.message_views import Case
 
@@ -132,7 +132,7 @@ def _ours(case: Case) -> Codec:
 
 def _peer(name: str, case: Case) -> Codec | None:
     """None, and a line on stderr, where it cannot do this message."""
-    from asn1.text import load_schema
+    from asn1.model.text import load_schema
     from tests.asn1.reach import pruned
 
     schema = load_schema()
@@ -189,7 +189,7 @@ def _c_program() -> Path | None:
     """messages.c with the objects of the Python module."""
     program = ROOT / "build" / "bench-messages"
     objects = sorted((CODEC / ".objects").glob("src-*.o"))
-    generated = ROOT / "asn1" / "runtime" / "include"
+    generated = ROOT / "asn1" / "backends" / "c" / "runtime" / "include"
     source = Path(__file__).with_name("messages.c")
     flags = ["-std=gnu11", "-O2", f"-I{generated}", "-Wl,--gc-sections"]
     made = subprocess.run(["cc", *flags, source, *objects, "-o", program], capture_output=True, text=True, check=False)

@@ -1,4 +1,4 @@
-"""What the V2N interface is measured beside: plain paho-mqtt between a broker and ZeroMQ, and nothing else.
+"""Peer of the V2N benchmark: plain paho-mqtt between a broker and ZeroMQ.
 
 usage: python -m tests.bench.plain_paho FROM_USERS TO_USERS PORT QOS AUTHORITY CERTIFICATE KEY
 

@@ -1,10 +1,10 @@
-"""python -m tests.bench.pulses: what a pulse costs from the kernel's call to whoever hears of it, and how late it is taken.
+"""Cost and latency of a pulse, from the kernel's call to the station.
 
-Cost: the kernel is played by a function that has the next edge as soon as the last was heard of, so nobody waits; what
-a real one adds is a sleep and a wake-up of each thread, of which two by pipes are measured beside it.
+Cost: a function in place of the kernel has the next edge as soon as the last was heard. A real kernel adds a sleep
+and a wake-up of each thread; two of them, by pipes, are measured beside it.
 
-Lateness: the kernel's stamp of a datagram (SO_TIMESTAMPNS) stands for that of an edge; from there to the moment at which
-the thread has read the clocks. With a loop that sleeps, and with one that does nothing but run Python.
+Lateness: the kernel's stamp of a datagram (SO_TIMESTAMPNS) replaces that of an edge. Measured is the time from there
+until the thread has read the clocks. With a loop that sleeps, and with one that only runs Python.
 """
 
 import argparse
@@ -22,9 +22,9 @@ from contextlib import closing
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 
-from board.errors import InterfaceError
-from board.loop import Loop
-from pps.device import Device
+from board.runtime.errors import InterfaceError
+from board.runtime.loop import Loop
+from pps.device import PulseDevice
 from pps.ioctl import CANWAIT, CAPTURES, FDATA, KPARAMS, PPS_FETCH, PPS_GETCAP
 from pps.pulse import Clocks, Pulse, read_clocks
 
@@ -107,7 +107,7 @@ class Above:
 def run(loop: Loop, kernel: Kernel, above: Above, clocks: Callable[[], Clocks] = read_clocks) -> None:
     """Turn the loop with a device of this kernel until the end."""
     with NamedTemporaryFile(prefix="pps") as node:
-        device = Device(loop, Path(node.name), above, ioctl=kernel, clocks=clocks)
+        device = PulseDevice(loop, Path(node.name), above, ioctl=kernel, clocks=clocks)
         device.start()
         assert device._fetcher is not None
         device._fetcher._leaves.wait = lambda timeout=None: False  # type: ignore[method-assign]  # no rest: no storm

@@ -1,12 +1,12 @@
-"""What a recorder costs, and the meter beside it: latency, loss-free rate, processor time; and a disk in trouble.
+"""Cost of the recorder and the meter; behaviour with a failing disk.
 
-A station with [recorder] in its configuration against the same station without, in alternating rounds of one run: all
-frames of all interfaces go into a ring on a disk. In a third round `captain meter` listens as well. A station without
-measured again in each pair shows the noise (A/A). On a machine of two cores the recorder takes time from the generator
-too, which is the same for all.
+A station with [recorder] is measured against the same station without, in alternating rounds of one run. All frames
+of all interfaces go into a ring on a disk. In a third round `captain meter` listens as well. A station without
+[recorder], measured again in each pair, shows the noise (A/A). On a machine of two cores the recorder takes time from
+the generator too, which is the same for all.
 
-Then a disk that becomes full and one that is taken away, a tmpfs in a mount namespace of its own: messages at 1000/s
-go through the station all the while, and what was not recorded is counted.
+Then a disk becomes full, and one is taken away: a tmpfs in a mount namespace of its own. Meanwhile messages at 1000/s
+go through the station, and lost frames are counted.
 """
 
 import argparse

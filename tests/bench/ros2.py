@@ -1,9 +1,9 @@
-"""`make bench-ros2`: UPER -> CDR -> UPER in ns a message, beside typed messages of rclpy and asn1tools with rosbags.
+"""UPER to CDR and back, beside rclpy and asn1tools with rosbags.
 
-A real message where there is one, else a made one, the longest below 400 octets that asn1tools reads and of which
-nothing is left out: to tell what is left out takes about as long again as everything else, or longer. All in one
-process and alternating, in the ROS 2 of build/ros2/env; the rows of rclpy need message packages that are built: `make
-ros2`. What the peers are spared stands in tests/ros2/inside/cdr_bench.py.
+A real message if there is one, else a made one: the longest below 400 octets that asn1tools reads completely. To
+report incomplete ones takes as long as everything else, or longer. All run in one process, alternating, in the ROS 2
+of build/ros2/env. The rows of rclpy need built message packages: `make ros2`. tests/proof/ros2/inside/cdr_bench.py
+says what the peers need not do.
 """
 
 import argparse
@@ -15,11 +15,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from asn1 import selection, text
-from asn1.types import Schema
+from asn1.model import selection, text
+from asn1.model.types import Schema
 from tests.asn1.values import Values
 from tests.bench.message_views import cases
-from tests.ros2 import codec, ros
+from tests.proof.ros2 import codec, ros
 
 GOAL = 100  # times asn1tools with rosbags, there and back together
 LONGEST = 400

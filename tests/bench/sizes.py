@@ -10,11 +10,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-from asn1 import library, text
+from asn1.backends.backend import Job
+from asn1.backends.registry import BACKENDS
+from asn1.model import text
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "build" / "bench" / "sizes"
-# Those of asn1/template/CMakeLists.txt.
+# Those of asn1/backends/cmake/template/CMakeLists.txt.
 FLAGS = ("-std=c11", "-O2", "-DNDEBUG", "-fPIC", "-ffunction-sections", "-fdata-sections",
          "-fno-unwind-tables", "-fno-asynchronous-unwind-tables")  # fmt: skip
 CODE = (".text", ".plt", ".init", ".fini")
@@ -39,7 +41,7 @@ def main() -> int:
 def _shared(messages: tuple[str, ...]) -> Path:
     """The shared library as a user builds and strips it, with everything in it that the headers declare."""
     folder = FOLDER / "all"
-    library.generate(text.load_schema(), messages, "cmake", folder, lambda _: None)
+    BACKENDS["cmake"].write(Job(text.load_schema(), messages), folder, lambda _: None)
     build = folder.with_name("all-build")
     shutil.rmtree(build, ignore_errors=True)  # it keeps the flags that it was first made with
     _run("cmake", "-S", str(folder), "-B", str(build), "-DCAPTAIN_MESSAGES_STATIC=OFF")
@@ -53,7 +55,7 @@ def _shared(messages: tuple[str, ...]) -> Path:
 def _only(name: str, messages: tuple[str, ...], symbols: tuple[str, ...]) -> Path:
     """A stripped shared library of some symbols and what these need."""
     folder = FOLDER / name
-    library.generate(text.load_schema(), messages, "sources", folder, lambda _: None)
+    BACKENDS["sources"].write(Job(text.load_schema(), messages), folder, lambda _: None)
     objects = []
     for source in sorted((folder / "src").glob("*.c")):
         made = FOLDER / f"{name}-{source.stem}.o"

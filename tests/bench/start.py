@@ -1,4 +1,4 @@
-"""How a measuring program begins: its options, and the programs that it needs."""
+"""Start of a benchmark: its options and required programs."""
 
 import argparse
 import os

@@ -1,4 +1,4 @@
-"""What is measured: the floor or the station, each as a process of its own on free ports of loopback."""
+"""Subject of a benchmark: forwarder or station, as a process on free ports."""
 
 import json
 import os

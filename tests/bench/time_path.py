@@ -1,13 +1,12 @@
-"""What the time path costs: receiver, pulses, pairing, estimate, history, chronyd's samples and tracking; and what it
-costs messages.
+"""Cost of the time path: receiver, pulses, estimate, chronyd; and for messages.
 
-A station with a receiver and its pulses against the same station without, in alternating rounds: processor time while
-nothing is routed, and latency of messages at 1000/s both ways. All options have their defaults. The receiver is
-simulated in a process of its own; pulses come by the thread of pps/device.py, from a kernel that is played
-(time_station.py); a real chronyd, which touches no clock, is fed and asked. A station without measured again in each
-pair shows the noise (A/A).
+A station with a receiver and its pulses is measured against the same station without, in alternating rounds. Measured
+are processor time while nothing is routed, and latency of messages at 1000/s both ways. All options have their
+defaults. The receiver is simulated in a process of its own. Pulses come by the thread of pps/device.py from a
+simulated kernel (time_station.py). A real chronyd, which touches no clock, is fed and asked. A station without,
+measured again in each pair, shows the noise (A/A).
 
-What it leaves out: the interrupt, chronyd's own work, and chronyc's, of which a process is started each 10 s: it is
+Not included: the interrupt, chronyd's own work, and that of chronyc, which is started every 10 s. The latter is
 printed as a line of its own, in steps of 10 ms.
 """
 
@@ -24,7 +23,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from pps.chrony_configuration import refclock
+from pps.chrony.configuration import refclock
 from tests.bench import figures, measure, programs
 from tests.bench.figures import Line, Round
 from tests.bench.start import begin
@@ -168,7 +167,7 @@ def _receiver() -> Iterator[str]:
 
 @contextmanager
 def _chronyd(folder: Path) -> Iterator[Path]:
-    """A real one with the line that README has for it; its socket. chronyc is found by PATH, and asks this one."""
+    """A real chronyd with the line of the guide of time; yields its socket. chronyc is found by PATH, and asks this one."""
     home, programs_of = folder / "chronyd", folder / "bin"
     home.mkdir(exist_ok=True)
     programs_of.mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""A simulated receiver in a process of its own: its work is none of the station's. Prints the path of its port.
+"""Simulated receiver in a process of its own. Prints the path of its port.
 
 usage: python -m tests.bench.time_receiver     until its standard input ends
 """
@@ -7,10 +7,10 @@ import select
 import sys
 import time
 
-from board.loop import Loop
-from board.time import GPS_EPOCH, GPS_LEAPS, LEAPS
-from drivers.sim.receiver import Receiver
-from drivers.sim.receiver_habits import Habits
+from board.runtime.loop import Loop
+from board.time.scales import GPS_EPOCH, GPS_LEAPS, LEAPS
+from drivers.sim.receiver.habits import Habits
+from drivers.sim.receiver.receiver import Receiver
 
 
 class Input:

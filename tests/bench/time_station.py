@@ -1,5 +1,4 @@
-"""`captain` with a PPS device whose kernel is played: an edge at each whole second of the system's clock, waited for in
-the thread of pps/device.py, which is what a station with /dev/pps0 has.
+"""`captain` with a PPS device whose kernel is simulated.
 
 usage: python -m tests.bench.time_station WORDS...     as captain WORDS...
 """
@@ -12,7 +11,7 @@ import time
 
 from firmware.__main__ import main
 from pps import ioctl
-from pps.device import Device
+from pps.device import PulseDevice
 
 CAN = 0x1151  # what pps-gpio can: capture and offset of assert, echo, wait, timespec
 ASSERT = 0x01
@@ -38,6 +37,6 @@ def played(device: int, number: int, octets: bytearray) -> int:
 
 
 if __name__ == "__main__":
-    assert Device.__init__.__kwdefaults__ is not None
-    Device.__init__.__kwdefaults__["ioctl"] = played
+    assert PulseDevice.__init__.__kwdefaults__ is not None
+    PulseDevice.__init__.__kwdefaults__["ioctl"] = played
     sys.exit(main())

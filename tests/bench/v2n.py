@@ -1,8 +1,8 @@
-"""`make bench-v2n`: what an MQTT interface costs the others whatever its broker does, and what it does itself.
+"""Benchmark of an MQTT interface: its cost for others, and its own speed.
 
-First: user -> UDP latency at 1000/s of a station without V2N and of one that sends every message by V2N as well, in
-each trouble, in alternating rounds. Then: 1000/s through mosquitto over TLS, both ways, at QoS 0 and 1, beside plain
-paho loops. PAIRS (7) rounds; SCALE (1.0) of how long each measures; both from the environment.
+First: latency from user to UDP at 1000/s, in each trouble, in alternating rounds. One station is without V2N, the
+other sends every message by V2N as well. Then: 1000/s through mosquitto over TLS, both ways, at QoS 0 and 1, beside
+plain paho loops. PAIRS (7) is the number of rounds, SCALE (1.0) the length of each; both are environment variables.
 """
 
 import argparse

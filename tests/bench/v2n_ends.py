@@ -1,13 +1,13 @@
-"""The far ends of what V2N is measured with: who sends at a rate, and who receives and tells how late it was.
+"""Senders and receivers of the V2N benchmark, with latency of each message.
 
 usage: python -m tests.bench.v2n_ends ROLE PORT COUNT RATE QOS
 
 roles  send-user     PUB to a station's port              receive-user    SUB to it
        send-broker   publisher at a broker's plain port   receive-broker  subscriber there
        burst-broker  the same, RATE for 0.4 s of every second
-Each says "ready"; a sender waits for a line on stdin before it begins, a receiver says at its end one JSON object:
+Each says "ready". A sender waits for a line on stdin before it begins. A receiver prints one JSON object at its end:
 {"count":, "median_us":, "p99_us":, "max_us":}, without the first WARM_UP. Each has one thread and one socket, and is the
-same for all that is measured. A PDU carries CLOCK_MONOTONIC of its sending where load.h has it.
+same for all measurements. A PDU carries CLOCK_MONOTONIC of its sending at the place that load.h has.
 """
 
 import base64

@@ -1,4 +1,4 @@
-"""What the V2N interface has to live with while others are measured: each trouble gives it a broker to connect to."""
+"""Troubled brokers for the V2N benchmark: one for each kind of trouble."""
 
 import subprocess
 import sys

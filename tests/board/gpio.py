@@ -1,6 +1,6 @@
-"""gpiod as far as board/line.py and board/edges.py need it, for machines without GPIO: chips in a directory, and what befalls lines.
+"""Double of gpiod for machines without GPIO: chips in a directory.
 
-What it raises is what gpiod 2.5 raises for the same.
+It raises what gpiod 2.5 raises for the same call.
 """
 
 import errno

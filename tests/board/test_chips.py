@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from board.chips import eeprom, expander, power, temperature
-from board.errors import InterfaceError, RequestError
+from board.runtime.errors import InterfaceError, RequestError
 from drivers.sim.chips import Fault, SimulatedBus
 from drivers.sim.registers import Eeprom, Expander, Ina, Tmp102, Words
 
@@ -249,14 +249,14 @@ def test_nothing_is_written_beyond_the_end():
 def test_a_protected_eeprom_is_found_out_although_it_acknowledges():
     chip = Eeprom()
     chip.is_protected = True
-    with pytest.raises(InterfaceError, match="2 octets at 64 are not what was written") as caught:
+    with pytest.raises(InterfaceError, match="2 octets at 64 differ from the written ones") as caught:
         eeprom.write(bus_with(chip), 0x40, 64, b"ab")
     assert "WP" in caught.value.hint
 
 
 def test_a_page_that_is_never_written_is_given_up():
     clock = count(0.0, 0.005)
-    with pytest.raises(InterfaceError, match=r"not written within 0\.02 s: no answer from 0x40"):
+    with pytest.raises(InterfaceError, match=r"timeout of a page write after 0\.02 s: no answer from 0x40"):
         eeprom.write(bus_with(Eeprom(busy=1000)), 0x40, 0, b"a", clock=lambda: next(clock))
 
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from board.describe import read
 from board.description import SlotDescription
-from board.errors import ConfigurationError
+from board.runtime.describe import read
+from board.runtime.errors import ConfigurationError
 
 
 def slot(**keys):
@@ -26,5 +26,5 @@ def test_a_place_that_usb_does_not_have_is_a_mistake_of_the_file(text):
 
 @pytest.mark.parametrize("text", ["1e0e", "1E0E:9001", "0x1e0e:0x9001", "1e0e:9001 "])
 def test_an_id_that_no_device_can_have_is_a_mistake_of_the_file(text):
-    with pytest.raises(ConfigurationError, match="is no id of a USB device"):
+    with pytest.raises(ConfigurationError, match="invalid id of a USB device"):
         slot(usb="1-1.3", ids=[text])

@@ -1,4 +1,4 @@
-"""What the board measures of itself: last values with their age, limits, and faults, each said once."""
+"""Health of the board: last values, age, limits, faults."""
 
 import json
 from dataclasses import replace
@@ -7,8 +7,8 @@ from itertools import pairwise
 import pytest
 
 from board.description import Hardware
-from board.errors import InterfaceError
 from board.health import LONGEST_S, PERIOD_S, Health
+from board.runtime.errors import InterfaceError
 from tests.board.boards import BOARD
 from tests.virtual import VirtualLoop
 

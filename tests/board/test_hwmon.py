@@ -4,7 +4,7 @@ import pytest
 
 from board import hwmon
 from board.description import FanDescription, RailDescription, TemperatureDescription
-from board.errors import InterfaceError
+from board.runtime.errors import InterfaceError
 
 
 @pytest.fixture
@@ -74,7 +74,7 @@ def test_a_device_that_is_not_there_is_named_with_those_that_are(tmp_path, devic
     device("hwmon0", name="cpu_thermal")
     with pytest.raises(InterfaceError, match="no device is named ina226") as caught:
         hwmon.rail(tmp_path, RailDescription("ina226", hwmon="ina226"))
-    assert caught.value.hint == "known: cpu_thermal; is the kernel's driver loaded?"
+    assert caught.value.hint == "known: cpu_thermal; check that the kernel's driver is loaded"
     with pytest.raises(InterfaceError, match="no zone has the type gpu") as caught:
         hwmon.temperature(tmp_path, TemperatureDescription("thermal", source="gpu"))
     assert caught.value.hint.startswith("known: none")
@@ -83,7 +83,7 @@ def test_a_device_that_is_not_there_is_named_with_those_that_are(tmp_path, devic
 def test_files_that_are_missing_or_hold_no_number_are_named(tmp_path, device):
     device("hwmon0", name="ina226", in1_input="twelve")
     rail = RailDescription("ina226", hwmon="ina226")
-    with pytest.raises(InterfaceError, match="in1_input: holds no number"):
+    with pytest.raises(InterfaceError, match="in1_input: does not hold a number"):
         hwmon.rail(tmp_path, rail)
     with pytest.raises(InterfaceError, match="temp1_input: No such file"):
         hwmon.temperature(tmp_path, TemperatureDescription("hwmon", source="ina226"))

@@ -8,8 +8,8 @@ import pytest
 import smbus2.smbus2 as library
 
 import board.i2c
-from board.errors import InterfaceError
 from board.i2c import Bus
+from board.runtime.errors import InterfaceError
 
 EVERYTHING = 0x0EFF0009  # I2C and all of SMBus but quick commands, as i2c-bcm2835 has it
 SMBUS_ONLY = 0x0EFF0008
@@ -121,7 +121,7 @@ def test_an_adapter_of_smbus_alone_is_given_the_same_octets(open_bus, kernel, wr
 
 @pytest.mark.parametrize(("write", "read"), [(b"\0\0", 32), (b"\0", 33), (b"\0" * 34, 0), (b"", 2)])
 def test_what_smbus_cannot_do_is_refused_and_nothing_is_sent(open_bus, kernel, write, read):
-    with pytest.raises(InterfaceError, match=r"0x50 on .*i2c-1: the adapter cannot do such a transfer"):
+    with pytest.raises(InterfaceError, match=r"0x50 on .*i2c-1: the adapter does not support this transfer"):
         open_bus(functions=SMBUS_ONLY).transfer(0x50, write, read)
     assert kernel.transactions == []
 
@@ -129,7 +129,7 @@ def test_what_smbus_cannot_do_is_refused_and_nothing_is_sent(open_bus, kernel, w
 @pytest.mark.parametrize(("number", "message", "hint"), [
     (errno.EREMOTEIO, "no answer from 0x40 on {path}", "i2cdetect -y -r 1"),
     (errno.ENXIO, "no answer from 0x40 on {path}", "fitted and powered"),
-    (errno.ETIMEDOUT, "0x40 on {path}: the bus is stuck", "held low"),
+    (errno.ETIMEDOUT, "0x40 on {path}: the bus is stuck", "SDA or SCL is low"),
     (errno.EIO, "0x40 on {path}: the transfer failed: Input/output error", "pull-ups"),
     (errno.EAGAIN, "0x40 on {path}: the transfer failed: Resource temporarily unavailable", "pull-ups"),
     (errno.EINVAL, "0x40 on {path}: the transfer failed: Invalid argument", ""),

@@ -1,11 +1,11 @@
-"""Who the board is: a HAT's EEPROM with its CRC, whatever is in it, and the device tree."""
+"""Identity of the board: HAT EEPROM with CRC, and device tree."""
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from board.errors import ProtocolError
 from board.identity import ENOUGH, Identity, crc16, of_device_tree, of_eeprom
+from board.runtime.errors import ProtocolError
 from drivers.sim.registers import hat_image
 
 UUID = "00112233-4455-6677-8899-aabbccddeeff"
@@ -83,7 +83,7 @@ def test_names_are_printable_ascii_whatever_was_stored(names, split):
 
 @pytest.mark.parametrize(("change", "words"), [
     (lambda octets: octets[:4] + b"\2" + octets[5:], "version 2"),
-    (lambda octets: octets[:6] + b"\0\0" + octets[8:], "holds no atom"),
+    (lambda octets: octets[:6] + b"\0\0" + octets[8:], "has no atom"),
     (lambda octets: octets[:12] + b"\2\0" + octets[14:], "type 2"),
 ])  # fmt: skip
 def test_another_format_is_named(change, words):

@@ -7,8 +7,8 @@ import sys
 import pytest
 
 from board.description import LineDescription
-from board.errors import InterfaceError
 from board.line import Lines, OutputLine
+from board.runtime.errors import InterfaceError
 from tests.board.gpio import Drive, Gpio
 
 PI = "pinctrl-bcm2711"

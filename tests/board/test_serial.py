@@ -8,8 +8,8 @@ from typing import NoReturn
 
 import pytest
 
-from board.errors import InterfaceError
-from board.loop import Loop
+from board.runtime.errors import InterfaceError
+from board.runtime.loop import Loop
 from board.serial import SerialPort
 from tests.virtual import VirtualLoop
 

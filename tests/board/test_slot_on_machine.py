@@ -4,8 +4,8 @@ import pytest
 
 from board import usb
 from board.description import SlotDescription
-from board.errors import InterfaceError
-from board.slot import Slot, State
+from board.runtime.errors import InterfaceError
+from board.slot import SequencerState, SlotSequencer
 from board.topology import holder, of_devpath
 from board.uevent import Uevents
 from drivers.sim.machine import SimulatedDevice, SimulatedInterface
@@ -25,7 +25,9 @@ class Bench:
         self._timer = None
         self.states = []
         machine.sit(PLACE, self.supplied, ["power"] if description.power else [])
-        self.slot = Slot(loop, "5g", description, self.switch, lambda: usb.find(machine.machine, PLACE), self.changed)
+        self.slot = SlotSequencer(
+            loop, "5g", description, self.switch, lambda: usb.find(machine.machine, PLACE), self.changed
+        )
         self.uevents = Uevents(loop, machine.machine, self.told)
 
     def supplied(self, is_on):
@@ -75,12 +77,12 @@ def bench(request, loop, machine):
 
 def test_a_slot_comes_up_is_cycled_and_comes_up_again(bench):
     bench.slot.power()
-    bench.until(State.PRESENT)
+    bench.until(SequencerState.PRESENT)
     assert bench.boots == 1
     first = bench.slot.device.number
     bench.slot.cycle()
-    bench.until(State.OFF)
-    bench.until(State.PRESENT)
+    bench.until(SequencerState.OFF)
+    bench.until(SequencerState.PRESENT)
     assert bench.boots == 2
     assert bench.slot.device.number != first
     assert usb.tty(bench.machine.machine, PLACE, 2).endswith("ttyUSB1")
@@ -89,21 +91,21 @@ def test_a_slot_comes_up_is_cycled_and_comes_up_again(bench):
 
 def test_a_module_that_is_pulled_out_is_a_fault_and_one_that_is_put_in_is_the_end_of_it(bench):
     bench.slot.power()
-    bench.until(State.PRESENT)
+    bench.until(SequencerState.PRESENT)
     bench.machine.leave(PLACE)
-    bench.until(State.FAULT)
+    bench.until(SequencerState.FAULT)
     assert bench.slot.cause.message == "no USB device at 1-1.3 within 30 s"
     bench.machine.sit(PLACE, bench.supplied)
-    bench.until(State.PRESENT)
+    bench.until(SequencerState.PRESENT)
     assert bench.slot.cause is None
 
 
 @pytest.mark.parametrize("bench", [HUB_PORT], indirect=True)
 def test_a_hub_that_switches_nothing_is_a_fault_of_the_cut_with_a_remedy(bench, monkeypatch):
     bench.slot.power()
-    bench.until(State.PRESENT)
+    bench.until(SequencerState.PRESENT)
     monkeypatch.setattr(usb.sysfs, "switch", lambda path, is_on: None)
     bench.slot.cycle()
-    assert bench.slot.state is State.FAULT
+    assert bench.slot.state is SequencerState.FAULT
     assert "does not switch its ports one by one" in bench.slot.cause.message
     assert "hub_port = false" in bench.slot.cause.hint

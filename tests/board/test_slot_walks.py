@@ -5,13 +5,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from board.description import SlotDescription
-from board.errors import InterfaceError
-from board.slot import TABLE, Slot, State
+from board.runtime.errors import InterfaceError
+from board.slot import TABLE, SequencerState, SlotSequencer
 from board.supply import ANSWER_S
-from board.usb import Device
+from board.usb import UsbDevice
 from tests.virtual import VirtualLoop
 
-MODEM = Device("1-1.3", 1, "1e0e", "9001")
+MODEM = UsbDevice("1-1.3", 1, "1e0e", "9001")
 BROKEN = InterfaceError("broken", "mend it")
 
 LONGEST_S = 60.0  # of the waits of DESCRIPTIONS
@@ -43,7 +43,7 @@ class Walk:
         self.is_on = None  # as far as its switch is known to have done what was asked
         self.off_since = None
         self.first_cause = None
-        self.slot = Slot(self.loop, "walk", description, self.switch, lambda: self.found, self.changed)
+        self.slot = SlotSequencer(self.loop, "walk", description, self.switch, lambda: self.found, self.changed)
         self.state = self.slot.state
 
     def switch(self, kind, on, done):
@@ -67,13 +67,13 @@ class Walk:
     def changed(self, slot):
         assert (self.state, slot.state) in MOVES, "not in the table"
         self.state = slot.state
-        if slot.state is State.FAULT:
+        if slot.state is SequencerState.FAULT:
             assert slot.cause is not None
             self.first_cause = self.first_cause or slot.cause
             assert slot.cause is self.first_cause, "the first cause was not kept"
         elif slot.cause is None:
             self.first_cause = None
-        if slot.state is State.PRESENT:
+        if slot.state is SequencerState.PRESENT:
             assert slot.cause is None
 
     def step(self, what):
@@ -143,5 +143,5 @@ def test_no_walk_leaves_the_table(name, steps):
     if walk.description.wait_s:
         walk.plug()
         walk.loop.run_for(LONGEST_S)
-        assert walk.slot.state is State.PRESENT
+        assert walk.slot.state is SequencerState.PRESENT
     walk.loop.close()

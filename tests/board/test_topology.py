@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from board.errors import ConfigurationError
+from board.runtime.errors import ConfigurationError
 from board.topology import MOST_LEVELS, MOST_PORTS, Topology, holder, of_devpath, parse
 
 PORTS = st.lists(st.integers(1, MOST_PORTS), min_size=1, max_size=MOST_LEVELS).map(tuple)

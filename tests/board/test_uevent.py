@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from board.errors import InterfaceError
+from board.runtime.errors import InterfaceError
 from board.uevent import BATCH, Uevents, parse
 from drivers.sim.uevents import UeventSender
 

@@ -7,9 +7,9 @@ import os
 import pytest
 
 from board import sysfs, usb
-from board.errors import ConfigurationError, InterfaceError
 from board.machine import Machine
-from board.usb import Device, UsbInterface
+from board.runtime.errors import ConfigurationError, InterfaceError
+from board.usb import UsbDevice, UsbInterface
 from drivers.sim.machine import SimulatedDevice, SimulatedInterface
 
 MODEM = SimulatedDevice(
@@ -73,7 +73,7 @@ def copied(tmp_path):
 def test_a_device_is_what_sysfs_says_of_it(machine, root):
     machine.plug("1-1.1", RECEIVER)
     functions = (UsbInterface(0, 0x02, "cdc_acm"), UsbInterface(1, 0xFF, ""))
-    found = Device("1-1.1", 3, "1546", "01a9", speed_mbit=12.0, is_authorized=True, interfaces=functions)
+    found = UsbDevice("1-1.1", 3, "1546", "01a9", speed_mbit=12.0, is_authorized=True, interfaces=functions)
     assert usb.find(root, "1-1.1") == found
     words = {"manufacturer": "u-blox AG - www.u-blox.com", "title": "u-blox GNSS receiver"}
     assert usb.devices(root)[1] == found._replace(**words)
@@ -178,8 +178,8 @@ def test_network_device_and_control_port_are_found(machine, root):
         (lambda root: usb.tty(root, "1-1.4", 2), "no USB device at 1-1.4"),
         (lambda root: usb.network_device(root, "1-1.4"), "no USB device at 1-1.4"),
         (lambda root: usb.tty(root, "1-1.1", 7), "USB device 1-1.1 has no interface 7, but 0, 1"),
-        (lambda root: usb.tty(root, "1-1.1", 1), "USB device 1-1.1: interface 1 is no serial port"),
-        (lambda root: usb.tty(root, "1-1.3", 5), "USB device 1-1.3: interface 5 is no serial port"),
+        (lambda root: usb.tty(root, "1-1.1", 1), "USB device 1-1.1: interface 1 is not a serial port"),
+        (lambda root: usb.tty(root, "1-1.3", 5), "USB device 1-1.3: interface 5 is not a serial port"),
         (lambda root: usb.network_device(root, "1-1.1"), "USB device 1-1.1 has no network device"),
         (lambda root: usb.control_device(root, "1-1.1"), "USB device 1-1.1 has no control port for QMI or MBIM"),
     ],
@@ -234,7 +234,7 @@ def test_the_superspeed_twin_of_a_port_is_switched_too(root):
 
 
 def test_a_hub_that_is_not_there_or_too_small_is_named(root):
-    with pytest.raises(InterfaceError, match=r"port 1 of USB hub 1-2: there is no such hub"):
+    with pytest.raises(InterfaceError, match=r"port 1 of USB hub 1-2: no such hub"):
         usb.hub_port(root, "1-2.1", False)
     with pytest.raises(InterfaceError, match=r"port 5 of USB hub 1-1: it has 4 ports"):
         usb.hub_port(root, "1-1.5", False)
@@ -263,9 +263,9 @@ def refusing(number):
 @pytest.mark.parametrize(
     ("number", "message", "hint"),
     [
-        (errno.EACCES, "not permitted", "run the station as root"),
-        (errno.EPERM, "not permitted", "run the station as root"),
-        (errno.EROFS, "not permitted", "run the station as root"),
+        (errno.EACCES, "not permitted", "run it as root"),
+        (errno.EPERM, "not permitted", "run it as root"),
+        (errno.EROFS, "not permitted", "run it as root"),
         (errno.ENODEV, "the device is gone", "lsusb"),
         (errno.EIO, "input/output error", "dmesg"),
         (errno.ETIMEDOUT, "connection timed out", "dmesg"),

@@ -70,9 +70,6 @@ class Brokers:
         assert isinstance(listener, Listener | FullBacklog | SilentNames)
         return self._closing.enter_context(listener)
 
-    def silent_names(self) -> SilentNames:
-        return self._closing.enter_context(SilentNames(self._folder()))
-
     def close(self) -> None:
         self._closing.close()
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple, Self
 
-from firmware.lab import mosquitto
+from firmware.lab import broker
 from firmware.lab.certificates import Pair
 from tests.broker.certificates import Authority
 from tests.system.ports import Ports
@@ -122,7 +122,7 @@ class Mosquitto:
         """Start it and wait until both listeners are open."""
         self._log = _Log()
         # SIGKILL: a test in a child process ends without a word.
-        self._process = mosquitto.launch(mosquitto.program(), self.file, subprocess.PIPE, signal.SIGKILL)
+        self._process = broker.launch(broker.mosquitto(), self.file, subprocess.PIPE, signal.SIGKILL)
         self._log.follow(self._process)
         self.says(r"mosquitto version .* running")
         return self

@@ -1,4 +1,4 @@
-"""A broker that speaks MQTT and leaves out what it is told to leave out: acknowledgements, or reading at all."""
+"""MQTT broker that omits acknowledgements, or does not read."""
 
 import contextlib
 import queue

@@ -1,7 +1,8 @@
 """JSON schemas of Orange's its-client, and values that follow them.
 
-orange/ has the facts of schema/ (github.com/Orange-OpenSource/its-client, MIT, Copyright 2016-2022 Orange; of 2026-07):
-members, types and bounds, without its texts. They refer to a file of dsrc 1.0.0 that is not there; 2.0.0 stands for it.
+orange/ has the facts of schema/ (github.com/Orange-OpenSource/its-client, MIT, Copyright 2016-2022 Orange; of
+2026-07): members, types and bounds, without its texts. They refer to a file of dsrc 1.0.0 that is not there; 2.0.0
+replaces it.
 """
 
 import json

@@ -6,13 +6,15 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from asn1 import add, text
 from asn1 import cli as program
-from asn1.importer.fault import ImportFault
-from asn1.types import Module, Reference, Schema, Sequence
+from asn1.importer.parser.fault import ImportFault
+from asn1.model import text
+from asn1.model.types import Module, Reference, Schema, Sequence
+from asn1.own import add
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -23,9 +25,9 @@ def schema() -> Schema:
     return text.load_schema()
 
 
-def wish(case: str, *others: Path, **changes: object) -> add.Wish:
+def wish(case: str, *others: Path, **changes: Any) -> add.UserRequest:
     pdu = {"order-a": "Hello", "order-b": "World", "oid-version1": "Old", "import-absent": "Gone"}[case]
-    return add.Wish(HERE / f"{case}.asn", pdu, pdu.lower(), 240, 2500, others=others)._replace(**changes)  # type: ignore[arg-type]
+    return add.UserRequest(HERE / f"{case}.asn", pdu, pdu.lower(), 240, 2500, others=others)._replace(**changes)
 
 
 def with_added(schema: Schema, folder: Path) -> Schema:
@@ -80,7 +82,7 @@ def test_each_message_has_its_own_bits_in_any_order_of_adding(tmp_path: Path, or
         one = wish(case)
         line = ["add", one.file, "--pdu", one.pdu, "--name", one.name, "--id", one.id, "--port", one.port]
         assert program.main([*map(str, line), "--to", str(tmp_path / "own")]) == 0
-    generate = ["generate", *("hello", "world", "old"), "--with", str(tmp_path / "own"), "--form", "python"]
+    generate = ["generate", *("hello", "world", "old"), "--with", str(tmp_path / "own"), "--format", "python"]
     subprocess.run(
         [sys.executable, "-m", "asn1", *generate, "--to", str(tmp_path / "python")],
         check=True, capture_output=True, cwd=ROOT, env={**os.environ, "CFLAGS": "-O0"},

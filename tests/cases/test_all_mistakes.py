@@ -1,4 +1,4 @@
-"""Mistakes of captain.toml: all are told at once, whatever else is wrong."""
+"""Mistakes of captain.toml: all are reported at once."""
 
 import json
 import time
@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from board.errors import ConfigurationError
-from firmware import cli, config
-from firmware.box.verdict import verdict
-from tests.firmware.box.conftest import KEY, mistakes, write
+from board.runtime.errors import ConfigurationError
+from firmware import cli
+from firmware.card.verdict import verdict
+from firmware.config import captain_toml
+from tests.firmware.card.conftest import KEY, mistakes, write
 
 BASE = """
 [station]
@@ -53,7 +54,7 @@ device = "/dev/ttyS9"
 MISTAKES = {
     "nosuch=3": "nosuch: is not a known key",
     'station.type="car"': 'station.type: "car" is text in quotes',
-    'station.mac="zz"': 'station.mac: "zz" is no address of one station',
+    'station.mac="zz"': 'station.mac: invalid MAC address of a station: "zz"',
     'endpoint.pull="x"': 'endpoint.pull: "x" is text in quotes',
     "endpoint.to_users=5555": "endpoint: port 5555 is given to two sockets",
     "endpoint.ipc_in=tcp://x": 'endpoint.ipc_in: invalid path "tcp://x"',
@@ -63,7 +64,7 @@ MISTAKES = {
     "recorder.folder=3": "recorder.folder: 3 is an integer",
     'types.0.name="MyTest"': 'types[0].name: invalid type name "MyTest"',
     "types.0.btp_port=70000": "types[0].btp_port: 70000 is out of range",
-    "types.1.number=200": "types: number 200 stands 2 times",
+    "types.1.number=200": "types: number 200: given 2 times",
     'policy.0.match.type="denm"': 'policy[0].match.type: "denm" is text in quotes',
     'policy.0.interfaces=["nope"]': "policy[0].interfaces: unknown interface 'nope'",
     'policy.1.match.type=["denmm"]': "policy[1].match.type: unknown type 'denmm'",
@@ -77,7 +78,7 @@ MISTAKES = {
     "interfaces.g5.queue=0": "interfaces.g5: queue: 0 is out of range",
     "interfaces.g5.device=7": "interfaces.g5: device: 7 is an integer",
     'interfaces.g5.slot="nix"': "interfaces.g5.slot: the board has no slot 'nix'",
-    'interfaces.v2n.url="http://x"': 'interfaces.v2n: url: "http://x" begins with',
+    'interfaces.v2n.url="http://x"': 'interfaces.v2n: url: neither mqtts:// nor mqtt://: "http://x"',
     'interfaces.v2n.bearer="none"': "interfaces.v2n.bearer: unknown interface 'none'",
     'interfaces.line.baud="x"': 'interfaces.line: baud: "x" is text',
     'interfaces.second.device="/dev/ttyS8"': 'interfaces.second.device: "/dev/ttyS8" is that of line already',
@@ -99,7 +100,7 @@ def told(tmp_path):
 
     def lines(overrides):
         try:
-            config.load(str(path), overrides, "none")
+            captain_toml.load(str(path), overrides, "none")
         except ConfigurationError as error:
             return [line.removeprefix(f"{path}: ") for line in str(error).split("\n")]
         return []
@@ -179,7 +180,7 @@ def test_mistakes_of_the_board_and_of_the_configuration_are_told_together(tmp_pa
         '[interfaces.gnss]\ndriver = "zed_f9p"\nslot = "gnss"\n[interfaces.radio]\ndriver = "som301e"\nlibrary = "x.so"\nslot = "v2x"\n'
     )
     with pytest.raises(ConfigurationError) as caught:
-        config.load(str(own), (), str(board))
+        captain_toml.load(str(own), (), str(board))
     assert [line.split("; ")[0] for line in caught.value.message.split("\n")] == [
         f"{board}: slots.v2x.usb: 3 is an integer",
         f"{board}: slots.gnss.ids: 3 is an integer",
@@ -192,7 +193,7 @@ def test_a_board_that_cannot_be_read_hides_no_mistake_of_the_tables(tmp_path):
     own = tmp_path / "captain.toml"
     own.write_text('[station]\ntype = "car"\n[[policy]]\ninterfaces = ["g5"]\n[[policy]]\npriority = 9\n')
     with pytest.raises(ConfigurationError) as caught:
-        config.load(str(own), (), "quadd")
+        captain_toml.load(str(own), (), "quadd")
     assert [line.split(": ")[0:2][-1] for line in caught.value.message.split("\n")][1:] == [
         "station.type",
         "policy[1].priority",
@@ -213,11 +214,11 @@ def test_a_card_tells_what_a_box_refuses_beside_mistakes_of_the_configuration(tm
     assert [note.text.split("; ")[0] for note in found.notes] == [
         'captain.toml:2: station.type: "car" is text in quotes',
         'captain.toml:5: endpoint.pull: "x" is text in quotes',
-        'captain.toml:13: interfaces.v2n: url: "x" begins with neither mqtts:// nor mqtt://',
-        'captain.toml:4: endpoint.address: "eth0" is no address',
-        "captain.toml:10: interfaces.g5.device: eth0 is the network of ssh and of users: frames of V2X go to whoever is there",
+        'captain.toml:13: interfaces.v2n: url: neither mqtts:// nor mqtt://: "x"',
+        'captain.toml:4: endpoint.address: invalid address: "eth0"',
+        "captain.toml:10: interfaces.g5.device: eth0 is the network of ssh and users: V2X frames would reach all of its hosts",
         "captain.toml:7: recorder.folder: the station cannot write /media/usb on a box",
-        "captain.toml:18: interfaces.b.ca: there is no mqtt/b.pem",
+        "captain.toml:18: interfaces.b.ca: not found: mqtt/b.pem",
     ]
     assert len(mistakes(found)) == 5
 
@@ -248,7 +249,7 @@ def toml(value):
 @given(written=some.dictionaries(some.sampled_from(TABLES), VALUES, max_size=6))
 def test_any_values_are_read_or_told_in_lines(written):
     overrides = [f"{key}={toml(value)}" for key, value in written.items()]
-    found, errors = config.examine(None, overrides, "none")
+    found, errors = captain_toml.examine(None, overrides, "none")
     assert found is not None
     for line in "\n".join(error.message for error in errors).splitlines():
         assert line.startswith("--set")

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from firmware.box.system_files import system_files
-from firmware.box.verdict import verdict
-from tests.firmware.box.conftest import mistakes, remarks
+from firmware.card.system_files import system_files
+from firmware.card.verdict import verdict
+from tests.firmware.card.conftest import mistakes, remarks
 
 CASES = Path(__file__).parent
 PROJECT = CASES.parents[1]
@@ -98,7 +98,7 @@ def test_a_network_name_with_letters_of_its_own_is_left_as_it_is(look, written, 
 def test_a_second_network_is_named_by_its_letters_too(look):
     text = network(r'"\xc3\xa9"') + '        "\\xc3\\xb6":\n          password: "12345678"\n'
     told = remarks(look("box-ssid-mojibake", network_config=text))
-    assert any('a second network, "\u00f6", is not taken' in line for line in told)
+    assert any('a second network, "\u00f6", is ignored' in line for line in told)
 
 
 def test_a_network_name_with_blanks_is_taken_once_its_country_is_known(look):
@@ -125,14 +125,14 @@ def test_a_password_of_signs_and_a_name_with_an_apostrophe_are_taken_as_they_are
     assert "    ssid=57616e6727732057694669" in lines(found)
 
 
-def test_the_readme_says_that_imager_2_writes_nothing_for_an_image_of_ones_own_and_what_to_do():
-    page = (PROJECT / "README.md").read_text()
-    flash = " ".join(page[page.index("### Flash") : page.index("### Your files")].split())
+def test_guide_flash_with_imager_2_says_to_copy_the_files_by_hand():
+    page = (PROJECT / "image/guide/flash.md").read_text()
+    flash = " ".join(page[page.index("## Flash") : page.index("## Your files")].split())
     assert "Imager 2 cannot customise this image" in flash
     assert "Copy [your files](#your-files) onto the card by hand" in flash
 
 
-def test_the_text_on_the_card_says_that_imager_2_writes_nothing_and_what_to_do():
+def test_card_text_with_imager_2_says_to_copy_the_files_by_hand():
     text = " ".join((PROJECT / "image/first/README.txt").read_text().split())
-    assert 'Imager 2 asks nothing and writes no customisation for an image that was chosen by "Use custom"' in text
+    assert 'Imager 2 cannot customise an image chosen with "Use custom"' in text
     assert "copy your files here by hand" in text

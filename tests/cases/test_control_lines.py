@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from board.loop import Loop
-from firmware.control_socket import MAX_LINE, ControlSocket
-from firmware.question import Commands, Question
+from board.runtime.loop import Loop
+from firmware.endpoint.control.control_socket import MAX_LINE, ControlSocket
+from firmware.endpoint.control.question import Commands, Question
 
 LINE = b'{"do":"count"}\n'
 CLIENTS = 4

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from firmware import cli
-from tests.firmware.codec.test_layers import CAM, PACKET, wlan
+from tests.firmware.recordings.test_layers import CAM, PACKET, wlan
 
 HERE = Path(__file__).parent
 J2735 = [line for line in (HERE / "j2735.hex").read_text().splitlines() if not line.startswith("#")]
@@ -42,7 +42,7 @@ def test_the_octets_of_a_message_of_j2735_are_converted_with_a_warning(run, tmp_
     out = tmp_path / "out"
     _, told = run(0, "convert", J2735[1], "--to", form, "-o", out)
     assert told == [f"captain: warning: the argument: {SPAT}"]
-    assert run(0, "convert", out, "--from", form, "--to", "hex")[0] == f"{J2735[1].lower()}\n"
+    assert run(0, "convert", out, "--format", form, "--to", "hex")[0] == f"{J2735[1].lower()}\n"
 
 
 def test_a_message_of_j2735_is_not_put_into_a_geonetworking_packet(run, tmp_path: Path):

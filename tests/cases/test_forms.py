@@ -6,12 +6,12 @@ from pathlib import Path
 import captain_messages
 import pytest
 
-from asn1.forms import touched
-from asn1.layout import lay_out
-from asn1.text import load_schema
-from board.errors import RequestError
-from drivers.mqtt_profile import MessageLibrary, codec, load
-from drivers.wire.v2n import Delivery, Identity, Profile
+from asn1.layout.layout import lay_out
+from asn1.model.forms import touched
+from asn1.model.text import load_schema
+from board.runtime.errors import RequestError
+from drivers.mqtt.profile import MessageLibrary, codec, load
+from drivers.wire.v2n.profile import Delivery, Identity, Profile
 from firmware.codec import library
 from firmware.codec.decoding import Decoder, record
 from firmware.codec.encoding import Wish, encode
@@ -21,8 +21,8 @@ from firmware.gateway.captain_gateway.captain_gateway.codec import Edition
 from firmware.gateway.captain_gateway.captain_gateway.handlers import KINDS
 from firmware.gateway.captain_gateway.captain_gateway.routing import Routing
 from firmware.recorder.mcap_recording import topic_names
-from tests.drivers.wire.nap import CPM, sent
-from tests.gateway.library import Library
+from tests.drivers.wire.v2n.payload.nap import CPM, sent
+from tests.firmware.gateway.library import Library
 
 HERE = Path(__file__).parent
 LINES = (HERE / "cpm-extension-bit.hex").read_text().splitlines()
@@ -130,7 +130,7 @@ def test_both_forms_have_one_topic_in_recordings_and_one_handler_in_the_gateway(
 
 # ---------------------------------------------------------------- every place of the kind
 
-# As the table in asn1/README.md: PDU, the type and component where a serial constraint takes the marker, root.
+# As the table in asn1/guide/editions.md: PDU, the type and component where a serial constraint takes the marker, root.
 PLACES = {
     "cam-2.3.1": {("r2_cam231_WrappedExtensionContainer_containerId", 1, 16), ("r2_cdd241_PathPredicted2_pathPredicted", 1, 16)},
     "cpm-2.1.1": {("r2_cpm211_ConstraintWrappedCpmContainers", 1, 8)},
@@ -151,8 +151,8 @@ def test_the_places_of_all_messages_where_a_serial_constraint_takes_a_marker_are
     assert found == PLACES
 
 
-def test_each_of_them_has_an_ext_form_and_a_row_in_the_readme():
+def test_each_of_them_has_an_ext_form_and_a_row_in_the_guide():
     assert {message.form_of for message in SCHEMA.messages.values() if message.form_of} == set(PLACES)
-    readme = (HERE.parents[1] / "asn1" / "README.md").read_text()
+    guide = (HERE.parents[1] / "asn1/guide/editions.md").read_text()
     for name in PLACES:
-        assert f"`{name}-ext`" in readme
+        assert f"`{name}-ext`" in guide

@@ -8,20 +8,20 @@ from pathlib import Path
 
 import pytest
 
-from board.describe import read
-from board.errors import ConfigurationError
+from board.runtime.describe import read
+from board.runtime.errors import ConfigurationError
 from drivers.contract import NOW
 from drivers.ethernet import EthernetOptions
-from drivers.geolink import GeoLink
 from drivers.message import Area, Position, Shape
+from drivers.packet.geolink import GeoLink
 from drivers.reason import Reason
-from drivers.udp import Udp, UdpOptions
+from drivers.udp.driver import Udp, UdpOptions
 from drivers.wire import frame
-from drivers.wire.geonet_header import HeaderType, ShortPosition
-from drivers.wire.geonet_packet import LocationRequest, Unicast, parse
-from drivers.wire.geonet_sender import ANSWERS_PER_S
-from firmware.drops import Drops
-from firmware.duplicates import Duplicates
+from drivers.wire.geonet.header import HeaderType, ShortPosition
+from drivers.wire.geonet.packet import LocationRequest, Unicast, parse
+from drivers.wire.geonet.sender import ANSWERS_PER_S
+from firmware.routing.drops import Drops
+from firmware.routing.duplicates import Duplicates
 from firmware.topics import Topics
 from tests.drivers.host import EGO, SHARED, Host, request
 from tests.drivers.wire.captured import tshark

@@ -8,29 +8,22 @@ from typing import Any
 import pytest
 
 from drivers.contract import NOW
-from drivers.geolink import GeoLink
 from drivers.message import NO_RX_INFO, Area, Ego, Indication, Position, RxInfo, Shape
+from drivers.packet.geolink import GeoLink
 from drivers.reason import Reason
-from drivers.wire.geonet_header import (
-    Address,
-    BasicHeader,
-    CommonHeader,
-    HeaderType,
-    LongPosition,
-    ShortPosition,
-)
-from drivers.wire.geonet_own import KEPT, OwnPackets
-from drivers.wire.geonet_packet import Beacon, Extended, GeoArea, LocationRequest, Packet, SingleHop, Unicast, encode
+from drivers.wire.geonet.header import Address, BasicHeader, CommonHeader, HeaderType, LongPosition, ShortPosition
+from drivers.wire.geonet.own import KEPT, OwnPackets
+from drivers.wire.geonet.packet import Beacon, Extended, GeoArea, LocationRequest, Packet, SingleHop, Unicast, encode
 from drivers.wire.raw import build
-from firmware.drops import Drops
-from firmware.policy import Policy
-from firmware.report import Report
-from firmware.router import Router
-from firmware.tables import Match, PolicyRow
+from firmware.config.tables import Match, PolicyRow
+from firmware.endpoint.report import Report
+from firmware.routing.drops import Drops
+from firmware.routing.policy import Policy
+from firmware.routing.router import Router
 from firmware.topics import Topics
 from tests.drivers.host import CAM, EGO, SHARED, request
 from tests.firmware.doubles import ScriptedDriver, interface_of
-from tests.firmware.test_report import NotingPublisher
+from tests.firmware.endpoint.test_report import NotingPublisher
 from tests.virtual import VirtualLoop
 
 OWN, SENDER, OTHER, OURS_TOO = (bytes.fromhex(f"0200000000{octet}") for octet in ("0d", "0a", "0b", "0e"))
@@ -85,14 +78,18 @@ class Station:
 
     def __init__(self, loop: VirtualLoop, ego: Ego = EGO) -> None:
         self.drops = Drops()
-        self.router = Router(loop, TOPICS, self.drops, lambda: ego)
+        self.router = Router(loop, TOPICS, self.drops, lambda: ego, lambda: ego.its_ms)
         self.interface = interface_of(loop, self.router, ScriptedDriver(), drops=self.drops, topics=TOPICS)
         self.router.add(self.interface)
         self.link = self.another_link()
         self.delivered: list[Indication] = []
-        self.router.publish = self.delivered.extend
+        self.router.users = self
         self.publisher = NotingPublisher()
         self.report = Report(loop, self.publisher, dict, lambda: None, dict)
+
+    def publish(self, indications: list[Indication]) -> None:
+        """As the users' side does."""
+        self.delivered += indications
 
     def another_link(self, own: OwnPackets | None = None, mac: bytes = OWN) -> GeoLink:
         return GeoLink(self.interface, SHARED._replace(own=own), mac, 0.0, lambda octets: NOW)
@@ -254,7 +251,7 @@ def test_a_packet_that_was_passed_on_has_another_sender_and_no_mark(station: Sta
 
 
 def test_numbers_ahead_in_the_name_of_a_victim_do_not_silence_it(station: Station) -> None:
-    # gn_numbers_ahead.py: 8 forged frames with the next numbers of the victim, then its own 8.
+    # 8 forged frames with the next numbers of the victim, then its own 8.
     numbers = range(65532, 65540)
     forged = [warning(number & 0xFFFF, CAM[:-1] + b"\xff") for number in numbers]
     own = [warning(number & 0xFFFF) for number in numbers]
@@ -390,7 +387,7 @@ def test_raw_has_the_octets_that_it_has_without_a_mark(station: Station) -> None
 
 
 def test_only_indications_of_implausible_messages_have_the_member(loop: VirtualLoop, station: Station) -> None:
-    station.router.observe = station.report.observe
+    station.router.set_listeners([station.report], [])
     station.receive(cam(), cam(sender=OTHER))
     loop.run_for(1.0)
     first, second = (said for _, said in station.publisher.said)
@@ -399,11 +396,20 @@ def test_only_indications_of_implausible_messages_have_the_member(loop: VirtualL
     assert second.keys() - first.keys() == {"implausible"}
 
 
-def test_the_topic_for_implausible_messages_has_these_alone_and_before_the_message(station: Station) -> None:
-    station.router.observe = station.report.observe_implausible
+def test_the_topic_for_implausible_messages_has_these_alone_and_before_the_message(
+    station: Station, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    station.router.set_listeners([station.report.implausible], [])
     order: list[str] = []
-    station.publisher.publish = lambda topic, body: order.append(f"{topic.decode()} {json.loads(body)['implausible']}")  # type: ignore[method-assign]
-    station.router.publish = lambda burst: order.extend(one.kind.name for one in burst)
+
+    def report(topic: bytes, body: bytes) -> None:
+        order.append(f"{topic.decode()} {json.loads(body)['implausible']}")
+
+    def deliver(burst: list[Indication]) -> None:
+        order.extend(one.kind.name for one in burst)
+
+    monkeypatch.setattr(station.publisher, "publish", report)
+    monkeypatch.setattr(station, "publish", deliver)
     station.receive(cam(), cam(sender=OTHER))
     assert order == ["implausible.cam. ['source']", "cam", "cam"]
 

@@ -6,15 +6,15 @@ from typing import Any
 import captain_messages
 import pytest
 
-from drivers.mqtt_profile import MessageLibrary
+from drivers.mqtt.profile import MessageLibrary
 from drivers.reason import Reason
-from drivers.wire import v2n_talk as talk
-from drivers.wire.v2n import Delivery, Profile, RefusedError
-from drivers.wire.v2n_message import Sending
-from drivers.wire.v2n_payload_nap import NapReceived, NapToSend
+from drivers.wire.v2n import talk
+from drivers.wire.v2n.message import Sending
+from drivers.wire.v2n.payload.nap import NapReceived, NapToSend
+from drivers.wire.v2n.profile import Delivery, Profile, RefusedError
 from tests.cases.nap import RECEIVED, TO_SEND, body, case, fields, unlike
-from tests.drivers.mqtt_model import Bench
-from tests.drivers.wire.v2n_station import HERE, NOW_MS, profile
+from tests.drivers.mqtt.model import Bench
+from tests.drivers.wire.v2n.station import HERE, NOW_MS, profile
 
 LIBRARY = MessageLibrary(captain_messages.all())
 NUMBERS = {"denm": 1, "cam": 2, "spatem": 4, "mapem": 5, "ivim": 6, "cpm": 14, "vam": 16, "mcm": 20}

@@ -7,14 +7,14 @@ import captain_messages
 import pytest
 from jsonschema import Draft202012Validator, ValidationError
 
-from board.errors import RequestError
-from drivers.mqtt_profile import load
+from board.runtime.errors import RequestError
+from drivers.mqtt.profile import load
 from drivers.reason import Reason
-from drivers.wire.v2n import Delivery, Identity, Profile, RefusedError
-from drivers.wire.v2n_payload_orange_names import RAW
-from drivers.wire.v2n_payload_si import ConversionError
+from drivers.wire.v2n.payload.orange.names import RAW
+from drivers.wire.v2n.payload.si import ConversionError
+from drivers.wire.v2n.profile import Delivery, Identity, Profile, RefusedError
 from tests.cases import orange, orange_values
-from tests.drivers.wire.v2n_station import (
+from tests.drivers.wire.v2n.station import (
     HERE,
     NOW_MS,
     PDU,

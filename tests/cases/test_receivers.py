@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from board.errors import ProtocolError
-from board.time import FixKind
+from board.runtime.errors import ProtocolError
+from board.time.scales import FixKind
 from drivers.reason import Reason
-from drivers.sim.receiver_habits import Habits
-from drivers.wire import nmea
+from drivers.sim.receiver.habits import Habits
 from drivers.wire.garbage import Garbage
-from drivers.wire.gnss_stream import GnssStream
-from drivers.wire.nmea import Clock, Gga, Rmc, Sentence, Vtg
-from tests.drivers.gnss import Bench
+from drivers.wire.gnss import nmea
+from drivers.wire.gnss.nmea import Clock, Gga, Rmc, Sentence, Vtg
+from drivers.wire.gnss.stream import GnssStream
+from tests.drivers.gnss.receiver import Bench
 from tests.ptys import PtyLoop, Ptys
 
 CASES = Path(__file__).parent
@@ -82,7 +82,7 @@ ODD_READ = [
     Reason.FRAMING,  # RMC without checksum and end; the VTG behind it is below
     "GPRMC with 4 fields: it has 9",
     "GPGGA with 8 fields: it has 11",
-    "GPRMC: '0.000' 'N' is no angle",
+    "GPRMC: invalid angle: '0.000' 'N'",
     Gga(None, None, None, 0, None, None, None, None),
     Rmc(None, False, None, None, None, None, None),
     Rmc(Clock(13, 27, 34, 0), True, NORTH, EAST, 0, 0, (2020, 4, 20)),

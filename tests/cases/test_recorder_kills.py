@@ -5,14 +5,15 @@ import random
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from firmware.recorder.recovery import State, restore, state_of
+from firmware.recorder.recovery import RecorderCounts, restore, state_of
 from firmware.recorder.ring import Limits
 from firmware.recorder.sinks import Keeper
-from tests.firmware.recorder.frames_told import read, told
+from tests.firmware.recorder.reported_frames import read, told
 from tests.system.conftest import Bench, Launcher
 from tests.system.user import mark
 
@@ -81,7 +82,7 @@ class Run:
         self.now = 1000.0
         self.total = {"air": 0, "wire": 0}
         self._sequence = {"air": 0, "wire": 0}
-        self.states: list[State] = []
+        self.states: list[RecorderCounts] = []
         self.keeper: Keeper
         (folder / "ring-00000007-20200101T000000Z.pcapng").write_bytes(b"")  # of an earlier station
         self._start()
@@ -91,8 +92,8 @@ class Run:
         if self.states:
             restore(keeper.ring, self.states[-1]._asdict())
         self.keeper = keeper
-        keeper.ring.on_file = self._tell
-        keeper.know({"report": {"frames": dict(self.total)}})
+        keeper.ring.listener = SimpleNamespace(file_closed=self._tell)
+        keeper.take_status({"report": {"frames": dict(self.total)}})
         keeper.idle()
 
     def frame(self, is_heard: bool = True) -> None:

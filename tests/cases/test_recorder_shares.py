@@ -7,7 +7,7 @@ import pytest
 from firmware.recorder.ring import Limits
 from firmware.recorder.shares import OWN, Key, key_of, operators, word_of
 from firmware.recorder.sinks import Keeper
-from tests.firmware.recorder.frames_told import read, told
+from tests.firmware.recorder.reported_frames import read, told
 
 SIZE = 256 << 10
 LIMITS = Limits(size=SIZE, age_s=160.0, before_s=2.0, after_s=1.0)
@@ -22,7 +22,7 @@ class Bench:
         self.folder = folder
         self._number = 0
         self.keeper = Keeper(folder, LIMITS, frozenset({"denm", "loss", "gnss"}), lambda: self.now)
-        self.keeper.know({})
+        self.keeper.take_status({})
 
     def frame(self, kind: str, station: int, **more: object) -> int:
         """Let one come, 0.1 s after the last; returns its number."""

@@ -1,4 +1,4 @@
-"""SIGHUP on a captain.toml that was cut off, is no file, or has 10,000 rows."""
+"""SIGHUP with a captain.toml that is truncated, not a file, or has 10,000 rows."""
 
 import logging
 import os
@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from board.child import BATCH, Child
-from board.errors import ConfigurationError, RequestError, StationError
-from board.loop import Loop
-from firmware import reload, reload_child
-from firmware.config import Source
-from firmware.policy import Policy
-from firmware.reload import difference
-from firmware.station import Station
+from board.runtime.child import BATCH, Child
+from board.runtime.errors import ConfigurationError, RequestError, StationError
+from board.runtime.loop import Loop
+from firmware.config import reload, reload_child
+from firmware.config.captain_toml import ConfigSource
+from firmware.config.reload import difference
+from firmware.routing.policy import Policy
+from firmware.station.station import Station
 
 CAM = bytes.fromhex("0202000005390000000000000000")
 NEVER = '[[policy]]\nname = "never by air"\ninterfaces = []\n'
@@ -37,7 +37,7 @@ class Bench:
         self.file.write_text(self.head + NEVER)
         self.defaults.write_text("[station]\nname = 'box'\n")
         self.loop = Loop()
-        source = Source(str(self.file), (), "none", str(self.defaults))
+        source = ConfigSource(str(self.file), (), "none", str(self.defaults))
         self.station = Station(self.loop, source.load(), source)
 
     def close(self) -> None:

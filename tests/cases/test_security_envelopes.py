@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from drivers.geolink import GeoLink
 from drivers.message import RxInfo, Security, SecurityStatus
+from drivers.packet.geolink import GeoLink
 from drivers.reason import Reason
-from firmware.codec import layers
+from firmware.recordings import layers
 from tests.cases.test_geonetworking import frames_of
 from tests.drivers.host import SHARED, Host
 from tests.drivers.wire.captured import tshark

@@ -13,7 +13,7 @@ from tests.firmware.commands.test_send import sent_by
 
 LIST = Path(__file__).parent / "one-invalid-of-27.hex"
 VALID = set(range(1, 28)) - {14}
-WHY = "one-invalid-of-27.hex: line 15: character 6, 'O', is no hexadecimal digit"
+WHY = "one-invalid-of-27.hex: line 15: character 6, 'O', is not a hexadecimal digit"
 
 
 @pytest.fixture(autouse=True)
@@ -45,7 +45,7 @@ def test_replay_with_one_invalid_line_of_27_sends_26(capsys):
     said = capsys.readouterr().err
     assert WHY in said
     assert "26 sent of 26 read" in said
-    assert "1 could not be read" in said
+    assert "1 unreadable" in said
 
 
 def test_convert_with_one_invalid_line_of_27_converts_26(capsys):

@@ -6,12 +6,13 @@ from contextlib import closing
 import pytest
 import zmq
 
-from board.errors import ConfigurationError, InterfaceError
-from board.loop import Loop
-from board.scratch import Scratch
-from firmware import cli, config
-from firmware.control_socket import ControlSocket
-from firmware.publisher import bind
+from board.runtime.errors import ConfigurationError, InterfaceError
+from board.runtime.loop import Loop
+from board.runtime.scratch import Scratch
+from firmware import cli
+from firmware.config import captain_toml
+from firmware.endpoint.control.control_socket import ControlSocket
+from firmware.endpoint.publisher import bind
 
 MOST = 107  # octets: sun_path has 108 with the zero behind
 KEYS = ["ipc_in", "ipc_out", "control"]
@@ -27,7 +28,7 @@ def written(key, path):
 
 def mistakes(*overrides):
     with pytest.raises(ConfigurationError) as caught:
-        config.load(None, overrides, "none")
+        captain_toml.load(None, overrides, "none")
     return caught.value.message.split("\n")
 
 
@@ -43,7 +44,7 @@ def test_a_socket_path_of_more_than_107_octets_is_refused_with_its_length(key, o
 def test_the_octets_of_a_socket_path_are_counted_and_not_its_letters(key):
     path = path_of(MOST, "/run/\u00e9\u00e9/")
     assert len(path) == MOST - 2
-    config.load(None, [f"endpoint.{key}={written(key, path)}"], "none")
+    captain_toml.load(None, [f"endpoint.{key}={written(key, path)}"], "none")
     (line,) = mistakes(f"endpoint.{key}={written(key, path + 'x')}")
     assert "too long: 108 octets" in line
 

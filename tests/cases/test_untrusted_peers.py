@@ -15,10 +15,10 @@ import zmq
 
 from drivers.message import MessageType
 from drivers.reason import Reason
-from firmware.drops import Drops
-from firmware.inlet import MAX_FRAME, MAX_FRAMES, Inlet
-from firmware.peers.guard import Guard
-from firmware.peers.limits import (
+from firmware.endpoint.inlet import MAX_FRAME, MAX_FRAMES, Inlet
+from firmware.endpoint.peers.guard import Guard
+from firmware.endpoint.peers.interest import CountedTopics
+from firmware.endpoint.peers.limits import (
     DESCRIPTORS,
     QUEUE,
     TOPIC,
@@ -28,8 +28,10 @@ from firmware.peers.limits import (
     most_connections,
     raise_descriptors,
 )
-from firmware.publisher import Publisher
-from firmware.report import memory_kb
+from firmware.endpoint.publisher import Publisher
+from firmware.endpoint.report import memory_kb
+from firmware.routing.drops import Drops
+from firmware.routing.router import Routing
 from firmware.topics import Topics
 from tests.hostile import PATIENCE_S, OldPeer, Peer, frame
 from tests.virtual import VirtualLoop
@@ -61,22 +63,19 @@ class Bench:
         self.drops = Drops()
         self.router = Counting()
         self.wanted: dict[bytes, bool] = {}
+        routing = Routing(loop, Topics(), self.drops, self.router)  # type: ignore[arg-type]
         self.inlets = {
             name: Inlet(
-                loop,
+                routing,
                 self.context,
                 kind,
                 "tcp://127.0.0.1:0",
                 where,
-                Topics(),
-                self.router,
-                self.drops,  # type: ignore[arg-type]
             )
             for name, kind, where in (("push", zmq.PULL, "pull"), ("pub", zmq.SUB, "from_users"))
         }
-        self.publisher = Publisher(
-            loop, self.context, "tcp://127.0.0.1:0", "to_users", self.drops, (b"v2x.",), self.wanted.__setitem__
-        )
+        counted = CountedTopics((b"v2x.",), self.wanted.__setitem__)
+        self.publisher = Publisher(loop, self.context, "tcp://127.0.0.1:0", "to_users", self.drops, counted)
         self.guard = Guard(loop, list(self.inlets.values()), [self.publisher])
         self.peers: list[Peer] = []
 
@@ -173,7 +172,7 @@ def test_an_honest_sender_of_zmtp_2_loses_neither_its_connection_nor_a_message(b
 def test_a_message_of_zmtp_2_that_does_not_end_ends_its_connection(
     bench: Bench, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("firmware.peers.guard.EXCUSED", 3 * UNFINISHED)
+    monkeypatch.setattr("firmware.endpoint.peers.guard.EXCUSED", 3 * UNFINISHED)
     where = {"push": "pull", "pub": "from_users"}[kind]
     good, rude = bench.peer(kind, OldPeer), bench.peer(kind, OldPeer)
     with suppress(OSError):  # the last parts may come too late
@@ -295,7 +294,7 @@ def test_of_zmtp_2_with_too_many_topics_the_largest_subscriber_is_ended(bench: B
 
 
 def test_an_address_outside_has_32_topics(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("firmware.peers.connection.LOCAL", ("192.0.2.",))
+    monkeypatch.setattr("firmware.endpoint.peers.connection.LOCAL", ("192.0.2.",))
     first, second = bench.peer(), bench.peer()
     for number in range(32):
         first.subscribe(b"v2x.%d" % number)
@@ -306,7 +305,7 @@ def test_an_address_outside_has_32_topics(bench: Bench, monkeypatch: pytest.Monk
 
 
 def test_topics_of_all_together_are_limited(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("firmware.publisher.TOPICS_TOTAL", 20)
+    monkeypatch.setattr("firmware.endpoint.publisher.TOPICS_TOTAL", 20)
     good, rude = bench.peer(), bench.peer()
     good.subscribe(b"v2x.")
     for number in range(20):
@@ -489,7 +488,7 @@ def test_a_connection_for_which_there_is_no_descriptor_is_counted_and_ends_nothi
     def refuse(descriptor: int) -> int:
         raise OSError(errno.EMFILE, "Too many open files")
 
-    monkeypatch.setattr("firmware.peers.connection.os.dup", refuse)
+    monkeypatch.setattr("firmware.endpoint.peers.connection.os.dup", refuse)
     peer = bench.peer("push")
     push(peer, 5)
     bench.until(lambda: bench.router.taken == 5)

@@ -9,10 +9,11 @@ import zmq
 from zmq.utils.monitor import recv_monitor_message
 
 from drivers.reason import Reason
-from firmware.drops import Drops
-from firmware.peers.connection import Connection
-from firmware.peers.limits import TOPICS_LOCAL
-from firmware.publisher import Publisher
+from firmware.endpoint.peers.connection import Connection
+from firmware.endpoint.peers.interest import CountedTopics
+from firmware.endpoint.peers.limits import TOPICS_LOCAL
+from firmware.endpoint.publisher import Publisher
+from firmware.routing.drops import Drops
 from tests.hostile import PATIENCE_S, OldPeer, Peer
 from tests.virtual import VirtualLoop
 
@@ -28,9 +29,8 @@ class Bench:
         self.drops = Drops()
         self.wanted: dict[bytes, bool] = {}
         self.private = f"ipc://@captain-test-{os.urandom(8).hex()}"
-        self.publisher = Publisher(
-            loop, self.context, "tcp://127.0.0.1:0", "to_users", self.drops, TOPICS, self._change, also=[self.private]
-        )
+        counted, address = CountedTopics(TOPICS, self._change), "tcp://127.0.0.1:0"
+        self.publisher = Publisher(loop, self.context, address, "to_users", self.drops, counted, [self.private])
         self.port = int(self.publisher._socket.get(zmq.LAST_ENDPOINT).rstrip(b"\0").rpartition(b":")[2])
         self.peers: list[Peer] = []
         loop.patience_s = 1.0
@@ -145,7 +145,7 @@ def test_a_subscriber_of_a_unix_socket_has_as_many_topics_as_one_of_this_machine
 
 def test_a_private_address_is_for_programs_of_the_same_user(loop: VirtualLoop, monkeypatch: pytest.MonkeyPatch) -> None:
     other = os.geteuid() + 1
-    monkeypatch.setattr("firmware.publisher.os.geteuid", lambda: other)
+    monkeypatch.setattr("firmware.endpoint.publisher.os.geteuid", lambda: other)
     with closing(Bench(loop)) as bench, bench.context.socket(zmq.SUB) as stranger:
         stranger.linger = 0
         stranger.subscribe(b"frame.")

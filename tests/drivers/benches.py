@@ -1,4 +1,7 @@
-"""One bench per driver: the interface under test and what is at the other end of it."""
+"""Benches: for each driver, the interface under test and its other end.
+
+This file is a list and therefore longer than others. Each bench can be read alone.
+"""
 
 import atexit
 import os
@@ -15,29 +18,29 @@ from functools import cache
 from pathlib import Path
 from typing import ClassVar, Literal, Protocol
 
-from board.address import address
-from board.errors import InterfaceError
 from board.netlink import device
+from board.runtime.address import address
+from board.runtime.errors import InterfaceError
 from drivers.contract import Can, Driver
 from drivers.ethernet import Ethernet, EthernetOptions
-from drivers.gnss_options import GnssOptions
+from drivers.gnss.driver import ZedF9p
+from drivers.gnss.options import GnssOptions
 from drivers.message import Ego, Position
-from drivers.modem_options import ModemOptions
 from drivers.morse import Morse, MorseOptions
-from drivers.mqtt import Mqtt
-from drivers.mqtt_options import MqttOptions
+from drivers.mqtt.driver import Mqtt
+from drivers.mqtt.options import MqttOptions
 from drivers.sim.machine import SimulatedDevice
-from drivers.sim.modem import SimulatedModem
-from drivers.sim.receiver import Receiver
+from drivers.sim.modem.modem import SimulatedModem
+from drivers.sim.receiver.receiver import Receiver
 from drivers.sim.serial_line import SerialLine
-from drivers.sim8202g import Sim8202g
+from drivers.sim8202g.driver import Sim8202g
+from drivers.sim8202g.options import ModemOptions
 from drivers.uart import Uart, UartOptions
-from drivers.udp import Udp, UdpOptions
-from drivers.udp_socket import open_group, open_sender
+from drivers.udp.driver import Udp, UdpOptions
+from drivers.udp.sockets import open_group, open_sender
 from drivers.wire import btp, frame, morse
-from drivers.wire.geonet import GeoNetworking, Received
+from drivers.wire.geonet.protocol import GeoNetworking, Mib, Received
 from drivers.wire.serial_frame import Frame
-from drivers.zed_f9p import ZedF9p
 from firmware.lab.certificates import Pair
 from tests.broker.certificates import Authority
 from tests.broker.client import Client
@@ -47,8 +50,9 @@ from tests.drivers.radio import SimulatedRadio, free_addresses, library
 from tests.system.ports import Ports
 from tests.virtual import VirtualLoop
 
-MQTT_PROGRAM = [sys.executable, "-P", str(Path(__file__).with_name("mqtt_program.py"))]
+MQTT_PROGRAM = [sys.executable, "-P", str(Path(__file__).parent / "mqtt/program.py")]
 GROUP = "239.118.122.97:8947"
+WITH_AREAS = Can.RECEIVE | Can.TRANSMIT | Can.GEOBROADCAST
 NOWHERE = Ego(722_130_000_000, Position(), is_known=False)
 
 
@@ -57,7 +61,7 @@ def ip(command: str) -> None:
 
 
 def wait_for_carrier(*names: str) -> None:
-    """Until devices that were set up run: the kernel tells a moment later, by netlink."""
+    """Wait until new network devices have a carrier, which the kernel reports by netlink a moment later."""
     with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, 0) as news:
         news.bind((0, 1))
         news.settimeout(2)
@@ -66,11 +70,11 @@ def wait_for_carrier(*names: str) -> None:
 
 
 class OtherStation:
-    """A GeoNetworking station that makes and reads frames."""
+    """GeoNetworking station that builds and parses frames."""
 
     def __init__(self) -> None:
         self._mac = bytes.fromhex("020000000077")
-        self._core = GeoNetworking(self._mac, beacon_s=0.0)
+        self._core = GeoNetworking(self._mac, Mib(beacon_s=0.0))
 
     def encode(self, pdu: bytes) -> bytes:
         return frame.wrap(self._mac, self._core.encode(request(pdu), 0.0, NOWHERE))
@@ -78,26 +82,32 @@ class OtherStation:
     def decode(self, octets: bytes) -> bytes:
         ethernet = frame.unwrap(octets)
         assert isinstance(ethernet, frame.Ethernet)
-        event = self._core.receive(ethernet.packet, ethernet.source, 0.0, NOWHERE)
+        event = self._core.receive(ethernet.packet, ethernet.source, 0.0, NOWHERE.its_ms, lambda: NOWHERE)
         assert isinstance(event, Received)
         return event.pdu
 
 
 class Bench(Protocol):
-    """An interface and its other end, made on a loop with a folder of its own.
+    """Interface and its other end, on a loop and with a folder of its own.
 
-    driver      the interface under test.
-    patience_s  real time for the kernel to tell.
+    driver         interface under test.
+    patience_s     real seconds to wait for events from the kernel.
+    can            capabilities that the driver declares.
+    has_process    True if the link comes up when a process of the driver reports it.
+    is_brought_up  True if the driver reports steps of the bring-up before its link is up.
     """
 
     driver: Driver
     patience_s: float
+    can: ClassVar[Can] = Can.RECEIVE | Can.TRANSMIT
+    has_process: ClassVar[bool] = False
+    is_brought_up: ClassVar[bool] = False
 
     def plug(self) -> None:
-        """Make what the interface needs, and open the other end."""
+        """Create the devices or files that the interface needs, and open the other end."""
 
     def unplug(self) -> None:
-        """Take it away while the interface uses it; plug() may follow."""
+        """Remove these devices or files while the interface uses them; plug() may follow."""
 
     def close(self) -> None:
         """Close the other end."""
@@ -106,11 +116,11 @@ class Bench(Protocol):
         """Send a PDU to the interface."""
 
     def heard(self) -> list[bytes]:
-        """The PDUs that came from the interface since the last call."""
+        """Return the PDUs that came from the interface since the last call."""
 
 
-class NetworkBench(ABC):
-    """A veth pair: v2x0 is the station's, air0 the other end."""
+class NetworkBench(Bench, ABC):
+    """Bench with a veth pair: v2x0 is the station's device, air0 the other end."""
 
     patience_s = 2.0
 
@@ -121,11 +131,11 @@ class NetworkBench(ABC):
 
     @abstractmethod
     def make(self) -> Driver:
-        """The interface."""
+        """Return the interface under test."""
 
     @abstractmethod
     def open(self) -> None:
-        """Open the sockets of the other end: that which hears, that which says."""
+        """Open the sockets of the other end: one to receive, one to send."""
 
     def plug(self) -> None:
         ip("link add v2x0 type veth peer name air0")
@@ -170,6 +180,7 @@ class NetworkBench(ABC):
 
 class UdpBench(NetworkBench):
     framing: ClassVar[Literal["pdu", "btp", "ethernet"]] = "ethernet"
+    can = WITH_AREAS
 
     def make(self) -> Driver:
         return Udp(UdpOptions(framing=self.framing, group=GROUP, device="v2x0", beacon_s=0.0), SHARED)
@@ -188,7 +199,7 @@ class UdpBench(NetworkBench):
 
 
 class ListeningBench(UdpBench):
-    """Lanes of its own beside the group: most sockets of all, and the group is joined last."""
+    """UDP bench with reception lanes and a multicast group: the case with most sockets. The group is joined last."""
 
     def make(self) -> Driver:
         options = UdpOptions(listen="127.0.0.1:0", group=GROUP, device="v2x0", beacon_s=0.0)
@@ -197,6 +208,7 @@ class ListeningBench(UdpBench):
 
 class BtpBench(UdpBench):
     framing = "btp"
+    can = Bench.can
 
     def encode(self, pdu: bytes) -> bytes:
         return btp.encode(btp.BtpB(request(pdu).btp_port), pdu)
@@ -207,6 +219,7 @@ class BtpBench(UdpBench):
 
 class PduBench(UdpBench):
     framing = "pdu"
+    can = Bench.can
 
     def encode(self, pdu: bytes) -> bytes:
         return pdu
@@ -216,6 +229,8 @@ class PduBench(UdpBench):
 
 
 class EthernetBench(NetworkBench):
+    can = WITH_AREAS
+
     def make(self) -> Driver:
         return Ethernet(EthernetOptions(device="v2x0", beacon_s=0.0), SHARED)
 
@@ -225,8 +240,8 @@ class EthernetBench(NetworkBench):
         self._sockets = [cable, cable]
 
 
-class UartBench:
-    """A pty behind a name that stays the same, as one of /dev/serial/by-id."""
+class UartBench(Bench):
+    """Bench with a pty behind a stable name, like those of /dev/serial/by-id."""
 
     patience_s = 2.0
 
@@ -254,10 +269,10 @@ class UartBench:
         return [event.pdu for event in found if isinstance(event, Frame)]
 
 
-class MorseBench:
-    """Two directories: one for each direction."""
+class MorseBench(Bench):
+    """Bench with two directories, one for each direction."""
 
-    patience_s = 0.0  # a file is there when it is written, and the driver looks by a timer
+    patience_s = 0.0  # no wait: a written file exists at once, and the driver checks by a timer
 
     def __init__(self, loop: VirtualLoop, folder: Path) -> None:
         self._speak, self._listen = folder / "speak", folder / "listen"
@@ -285,7 +300,7 @@ class MorseBench:
     def heard(self) -> list[bytes]:
         found = []
         for path in sorted(self._speak.glob("*.wav")):
-            ear = morse.Ear()
+            ear = morse.ToneDecoder()
             ear.receive(path.read_bytes())
             pdu = morse.decode(ear.end())
             assert isinstance(pdu, bytes)
@@ -294,10 +309,13 @@ class MorseBench:
         return found
 
 
-class Som301eBench:
-    """The simulated library on a simulated radio, under a name that can be taken away."""
+class Som301eBench(Bench):
+    """Bench with the simulated vendor library on a simulated radio, under a file name that can be removed."""
 
     HANDLERS = 16  # two for each of the usual casters
+    can = WITH_AREAS
+    has_process = True
+    is_brought_up = True
     patience_s = 20.0  # a process has to start
 
     def __init__(self, loop: VirtualLoop, folder: Path) -> None:
@@ -345,34 +363,36 @@ class Som301eBench:
 
 
 class ModuleBench(ABC):
-    """An interface that carries no messages, and the module at its other end.
+    """Interface without messages, and the module at its other end.
 
-    can  what it is able to do in place of that.
+    can  capabilities of the driver, such as position or bearer.
     """
 
     driver: Driver
     patience_s = 0.02
     can: ClassVar[Can]
+    has_process = False
+    is_brought_up = True
 
     @abstractmethod
     def plug(self) -> None:
-        """Put the module in, and wait until it has booted."""
+        """Plug the module in, and wait until it has booted."""
 
     @abstractmethod
     def unplug(self) -> None:
-        """Pull it out while the interface uses it; plug() may follow."""
+        """Unplug the module while the interface uses it; plug() may follow."""
 
     @abstractmethod
     def has_served(self, host: Host) -> bool:
-        """Whether the host was given what the module is there for."""
+        """Return True if the driver has provided the module's service to the host, such as a fix."""
 
     def close(self) -> None:
-        """Take the module away."""
+        """Remove the module."""
         self.unplug()
 
 
 class ReceiverBench(ModuleBench):
-    """A simulated ZED-F9P behind a name that stays the same."""
+    """Bench with a simulated ZED-F9P behind a stable name."""
 
     can = Can.POSITION | Can.TIMEMARK
 
@@ -397,7 +417,7 @@ class ReceiverBench(ModuleBench):
 
 
 class ModemBench(ModuleBench):
-    """A simulated SIM8202G-M2 whose AT port has a name that stays the same; a bearer is what it is there for."""
+    """Bench with a simulated SIM8202G-M2, whose AT port has a stable name. Its service is a bearer."""
 
     can = Can.BEARER
     patience_s = 0.0
@@ -426,30 +446,34 @@ class ModemBench(ModuleBench):
 
 @cache
 def _identities() -> tuple[Authority, Pair, Pair, Pair]:
-    """An authority; what the broker, the station and the other end show."""
+    """Return a certificate authority, and the certificates and keys of broker, station and other end."""
     folder = tempfile.mkdtemp(prefix="captain-bench-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     authority = Authority(Path(folder))
     return authority, authority.server(), authority.client("bench"), authority.client("other")
 
 
-class MqttBench:
-    """A real broker with TLS, another client at it, and a certificate of the authority that can be taken away."""
+class MqttBench(Bench):
+    """Bench with a real broker with TLS, a second client, and the authority's certificate, which can be removed."""
 
     patience_s = 20.0  # a process has to start
+    can = Bench.can | Can.ANYWHERE
+    has_process = True
+    is_brought_up = True
 
     def __init__(self, loop: VirtualLoop, folder: Path) -> None:
         loop.patience_s = 0.5  # for the process to answer
         self._authority, server, own, self._other = _identities()
         ports = Ports()
         self._broker = Mosquitto(folder, ports, self._authority, server=server)
-        ports.release()  # the network namespace is this test's alone
+        ports.release()  # not needed: the test has a network namespace of its own
         self._client: Client | None = None
         self._ca = folder / "ca.pem"
         options = MqttOptions(
             url=self._broker.url, client_id="bench", ca=str(self._ca), certificate=str(own.certificate), key=str(own.key)
         )  # fmt: skip
-        self._mqtt = UnhurriedMqtt(options, SHARED._replace(types=("cam", "denm")), MQTT_PROGRAM)
+        # The driver must accept a long silence of its process, because virtual hours of a test take microseconds.
+        self._mqtt = Mqtt(options, SHARED._replace(types=("cam", "denm")), MQTT_PROGRAM, silence_s=0.0)
         self.driver: Driver = self._mqtt
 
     def plug(self) -> None:
@@ -460,7 +484,8 @@ class MqttBench:
 
     def unplug(self) -> None:
         self._ca.unlink()
-        worker = self._mqtt._worker
+        assert self._mqtt._uplink is not None
+        worker = self._mqtt._uplink._worker
         assert worker is not None
         assert worker._child is not None
         os.kill(worker._child._process.pid, signal.SIGKILL)
@@ -486,16 +511,11 @@ class MqttBench:
         return found
 
 
-class UnhurriedMqtt(Mqtt):
-    """One whose process may be silent while a test lets hours go by, which are microseconds to the process."""
-
-    silence_s = 0.0
-
-
 MODULES: dict[str, Callable[[VirtualLoop, Path], ModuleBench]] = {
     "zed_f9p": ReceiverBench,
     "sim8202g": ModemBench,
 }
+# Benches by the driver's name. If a driver has several, `-` and a word follow; names of drivers contain no hyphen.
 BENCHES: dict[str, Callable[[VirtualLoop, Path], Bench | ModuleBench]] = {
     "udp-pdu": PduBench,
     "udp-btp": BtpBench,

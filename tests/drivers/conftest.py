@@ -1,4 +1,4 @@
-"""Loops and hosts for drivers, and network namespaces for those that need devices of their own."""
+"""Fixtures for drivers: loops, hosts, and network namespaces for tests with devices."""
 
 import os
 import sys
@@ -7,16 +7,17 @@ from contextlib import ExitStack, closing
 
 import pytest
 
-from tests.drivers import gnss, modem
+from tests.drivers.gnss import receiver
 from tests.drivers.host import Host
+from tests.drivers.sim8202g import modem
 from tests.network import isolate
 from tests.ptys import PtyLoop, Ptys
 
 
 @pytest.fixture
 def loop(request, monkeypatch):
-    # What crosses a veth pair is moved by a thread of the kernel: it is given a moment of real time, but where a file of
-    # tests says that nothing does.
+    # A thread of the kernel moves frames across a veth pair, so the loop waits a moment of real time. Test files
+    # without such devices set PATIENCE_S.
     with closing(PtyLoop(Ptys(monkeypatch), getattr(request.module, "PATIENCE_S", 0.02))) as loop:
         yield loop
 
@@ -28,14 +29,14 @@ def host(loop):
 
 @pytest.fixture
 def at_end():
-    """Takes a call that is made when the test has ended, the last first."""
+    """Return a function that registers calls for the end of the test; the last one is called first."""
     with ExitStack() as stack:
         yield stack.callback
 
 
 @pytest.fixture
 def make_modem(loop, tmp_path, at_end):
-    """Makes a modem's interface over a simulated modem, by its options."""
+    """Return a function that creates a modem's interface with given options over a simulated modem."""
 
     def make(**options):
         bench = modem.Bench(loop, tmp_path, **options)
@@ -47,10 +48,10 @@ def make_modem(loop, tmp_path, at_end):
 
 @pytest.fixture
 def make_receiver(loop, at_end):
-    """Makes a receiver's interface over a simulated receiver, by its habits and options."""
+    """Return a function that creates an interface over a simulated receiver, with given habits and options."""
 
     def make(habits=None, **options):
-        bench = gnss.Bench(loop, habits, **options)
+        bench = receiver.Bench(loop, habits, **options)
         at_end(bench.close)
         return bench
 
@@ -63,7 +64,7 @@ def pytest_configure(config):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_pyfunc_call(pyfuncitem):
-    """A test marked `namespace` runs in a child process that has a network of its own: lo and nothing else."""
+    """Run a test marked `namespace` in a child process, in a network namespace with only the loopback."""
     if pyfuncitem.get_closest_marker("namespace") is None:
         return None
     reader, writer = os.pipe()

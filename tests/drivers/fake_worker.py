@@ -1,13 +1,13 @@
-"""A worker whose process is the test: what the driver tells it, and what it says."""
+"""Fake worker: the test takes the place of the driver's process."""
 
 from collections.abc import Callable
 from typing import ClassVar
 
 
 class FakeWorker:
-    """board.worker.Worker without a process.
+    """Replacement of board.runtime.worker.Worker without a process.
 
-    starts  whether one can be started.
+    starts  False simulates that no process can be started.
     """
 
     made: ClassVar[list["FakeWorker"]] = []
@@ -52,7 +52,7 @@ class FakeWorker:
         self.waited_s = within
 
     def take(self, kind: int) -> list[bytes]:
-        """What it was told of one kind since the last time."""
+        """Return the messages of one kind that the driver has sent since the last call."""
         found = [message for message in self.told if message[0] == kind]
         self.told = [message for message in self.told if message[0] != kind]
         return found

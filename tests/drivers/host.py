@@ -1,11 +1,11 @@
-"""A station above a driver under test: it answers as a station does and remembers what it was told."""
+"""Host of a driver under test: answers like a station and records calls."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 
-from board.errors import StationError
-from board.loop import Loop
-from board.time import Fix, TimeMark
+from board.runtime.errors import StationError
+from board.runtime.loop import Loop
+from board.time.scales import Fix, TimeMark
 from drivers.contract import Shared
 from drivers.message import NO_RX_INFO, Area, Ego, MessageType, Position, Request, RxInfo
 from drivers.reason import Reason
@@ -20,7 +20,7 @@ TYPES = {2: MessageType("cam", 2, 2001, 4, 0), 1: MessageType("denm", 1, 2002, 0
 
 
 class Host:
-    """drivers.contract.Host with lists."""
+    """Implementation of drivers.contract.Host that records all calls in lists."""
 
     def __init__(self, loop: Loop, keeps: bool = True) -> None:
         self.name = "bench"
@@ -36,6 +36,7 @@ class Host:
         self.confirms: list[tuple[Request, Reason | None]] = []
         self.confirm_details: list[str] = []
         self.links: list[tuple[bool, str]] = []
+        self.bring_up: list[str] = []  # those of links that are steps of it
         self.failures: list[StationError] = []
         self.fixes: list[Fix] = []
         self.time_marks: list[TimeMark] = []
@@ -53,7 +54,7 @@ class Host:
 
     @property
     def total(self) -> int:
-        """All that came in, whatever became of it."""
+        """Return the number of received messages, indicated or dropped."""
         return self.count + len(self.neighbours) + self.drops.total()
 
     def indicate(self, pdu: bytes, received_ns: int, rx: RxInfo = NO_RX_INFO) -> None:
@@ -81,11 +82,18 @@ class Host:
     def link(self, is_up: bool, why: str) -> None:
         self.links.append((is_up, why))
 
+    def starting(self, why: str) -> None:
+        self.links.append((False, why))
+        self.bring_up.append(why)
+
     def fail(self, error: StationError) -> None:
         self.failures.append(error)
 
     def ego(self) -> Ego:
         return EGO
+
+    def its_ms(self) -> int:
+        return EGO.its_ms
 
     def fix(self, fix: Fix) -> None:
         self.fixes.append(fix)
@@ -93,19 +101,19 @@ class Host:
     def time_mark(self, mark: TimeMark) -> None:
         self.time_marks.append(mark)
 
-    def tell(self, details: Mapping[str, object]) -> None:
+    def report_details(self, details: Mapping[str, object]) -> None:
         self.details.append(details)
 
 
 def told(loop: VirtualLoop, is_done: Callable[[], bool], patience_s: float = 2.0) -> None:
-    """Turn until the kernel has told something. Its own threads tell it: they get more real time than usual."""
+    """Run the loop until the kernel has reported an event. Its threads get more real time than usual."""
     usual, loop.patience_s = loop.patience_s, patience_s
     loop.run_until(is_done)
     loop.patience_s = usual
 
 
 def request(pdu: bytes, number: int = 1, area: Area | None = None) -> Request:
-    """A request as the router makes it for a CAM or a DENM; anything else leaves as a CAM."""
+    """Return a request as the router creates it for a CAM or a DENM. Other PDUs are treated as a CAM."""
     kind = TYPES.get(pdu[1], TYPES[2])
     assert kind.btp_port is not None
     return Request(number, kind, pdu, kind.btp_port, 0.0, 1e9, kind.priority, 2, area)

@@ -1,6 +1,5 @@
 """Simulated radios for tests: their ports, the program that runs the library, and drivers on top."""
 
-import json
 import random
 import socket
 import subprocess
@@ -9,29 +8,32 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-from board.address import Address
+from board.runtime.address import Address
 from drivers.contract import Shared
-from drivers.sim.radio import VARIABLE, Control, library_path
-from drivers.som301e import Som301e, Som301eOptions
+from drivers.sim.radio.control import VARIABLE, Control, library_path
+from drivers.som301e.driver import Som301e
+from drivers.som301e.module import SILENCE_S, RadioProcess
+from drivers.som301e.options import Som301eOptions
 from drivers.wire import frame
 from tests.drivers.host import SHARED, Host
 
 ROOT = Path(__file__).parents[2]
 PROGRAM = [sys.executable, "-P", str(Path(__file__).with_name("radio_program.py"))]
 
-# A process with the library answers long before the patience is over: the clock stands unless a test moves it.
+# Real seconds to wait for the process with the library, which answers much earlier. The virtual clock does not jump
+# meanwhile.
 PATIENCE_S = 20.0
 
 
 @cache
 def library() -> str:
-    """The simulated radio's library, built where it is missing or old."""
+    """Return the path of the simulated radio's library; build it if it is missing or outdated."""
     subprocess.run([ROOT / ".ci" / "sim"], check=True)
     return str(library_path())
 
 
 def free_addresses(count: int) -> list[Address]:
-    """Addresses of ports that nobody uses, below those that the kernel gives to others meanwhile."""
+    """Return addresses with free ports, outside of the range from which the kernel chooses ports for programs."""
     found: list[Address] = []
     while len(found) < count:
         one = Address("127.0.0.1", random.SystemRandom().randrange(16384, 32768))
@@ -42,9 +44,9 @@ def free_addresses(count: int) -> list[Address]:
 
 
 class SimulatedRadio:
-    """A radio that a driver can be started on, and who hears it.
+    """Simulated radio for a driver, with the addresses of its listeners.
 
-    settings  words for the library beside its addresses.
+    settings  settings of the library in addition to the addresses.
     """
 
     def __init__(self, settings: str = "", peers: tuple[Address, ...] = (), addresses: list[Address] | None = None):
@@ -55,26 +57,16 @@ class SimulatedRadio:
         self.control = Control(self.control_port)
 
     def driver(self, shared: Shared = SHARED, quick: bool = False, beats: bool = False, **options: object) -> Som301e:
-        """quick: a call that does not return is noticed soon; beats: so is a process that says nothing."""
-        kind = QuickSom301e if quick else Som301e if beats else UnhurriedSom301e
-        return kind(Som301eOptions(**{"library": library(), **options}), shared, self.command)  # type: ignore[arg-type]
-
-
-class UnhurriedSom301e(Som301e):
-    """One whose process may be silent while a test lets hours go by, which are microseconds to the process."""
-
-    silence_s = 0.0
-
-
-class QuickSom301e(UnhurriedSom301e):
-    """One whose library counts as hung after a tenth of a second."""
-
-    def _settings(self) -> bytes:
-        return json.dumps({**json.loads(super()._settings()), "call_s": 0.4, "check_s": 0.05}).encode()
+        """Return a driver. quick: a blocked call is detected early. beats: a silent process is detected."""
+        # Without beats, the driver accepts a long silence, because virtual hours of a test take microseconds.
+        silence_s = SILENCE_S if beats else 0.0
+        times = {"call_s": 0.4, "check_s": 0.05} if quick else {}
+        process = RadioProcess(self.command, silence_s, times)
+        return Som301e(Som301eOptions(**{"library": library(), **options}), shared, process)  # type: ignore[arg-type]
 
 
 class Air:
-    """A station on the air that makes and reads frames: what another radio would."""
+    """Other station on the air, which builds and parses frames."""
 
     def __init__(self) -> None:
         from tests.drivers.benches import OtherStation
@@ -91,7 +83,7 @@ class Air:
         self.socket.sendto(octets, to.listen)
 
     def hear(self) -> frame.Ethernet:
-        """The next frame; fails after a while."""
+        """Return the next frame. Fail after a timeout."""
         self.socket.settimeout(5)
         found = frame.unwrap(self.socket.recv(4096))
         assert isinstance(found, frame.Ethernet)
@@ -106,6 +98,6 @@ def is_up(host: Host) -> bool:
 
 
 def all_work(host: Host) -> bool:
-    """Whether every handler has said that it works."""
+    """Return True if the driver has reported all its handlers as working."""
     casters = host.details[-1]["casters"] if host.details else []
     return bool(casters) and all(row.get(way, "up") == "up" for row in casters for way in ("rx", "tx"))  # type: ignore[attr-defined]

@@ -1,9 +1,9 @@
-"""A program with the radio's worker, started by tests of it as the station starts itself."""
+"""Program that tests start as the radio process of a station."""
 
 import sys
 
-from board.worker import child
-from drivers.v2xcast import serve
+from board.runtime.worker import child
+from drivers.som301e.process import serve
 
 if __name__ == "__main__":
     sys.exit(child(sys.argv, {"som301e": lambda: serve}))

@@ -1,4 +1,4 @@
-"""What every driver promises, whatever is at its other end: drivers/contract.py."""
+"""Contract of drivers (drivers/contract.py): each driver fulfils it."""
 
 import gc
 import os
@@ -6,7 +6,7 @@ import resource
 
 import pytest
 
-from board.errors import InterfaceError, RequestError
+from board.runtime.errors import InterfaceError, RequestError
 from drivers import DRIVERS
 from drivers.contract import Can, Sent
 from drivers.message import RxInfo
@@ -18,9 +18,6 @@ pytestmark = pytest.mark.namespace
 every = pytest.mark.parametrize("kind", BENCHES)
 carrying = pytest.mark.parametrize("kind", [kind for kind in BENCHES if kind not in MODULES])  # messages
 
-WITH_GEONETWORKING = ("udp-ethernet", "udp-listen", "ethernet", "som301e")
-IN_A_PROCESS = ("som301e", "mqtt")  # the link comes up when that says so
-BROUGHT_UP = (*MODULES, "mqtt")  # it is down at first, and says what is done
 PDUS = [CAM, DENM, CAM + bytes(300), bytes(range(256))]
 
 
@@ -30,7 +27,7 @@ def pdus(bench):
 
 @pytest.fixture
 def bench(loop, kind, tmp_path):
-    # Plugged in by each test: the network namespace is the test's own, not the fixture's.
+    # Each test calls plug() itself, because the network namespace is that of the test and not of the fixture.
     return BENCHES[kind](loop, tmp_path)
 
 
@@ -39,7 +36,7 @@ def descriptors():
 
 
 def open_before():
-    """The same, once what earlier tests have left to the collector is gone: it would be closed at any moment."""
+    """Return the open descriptors after a garbage collection, which would otherwise close some of them later."""
     gc.collect()
     return descriptors()
 
@@ -53,7 +50,7 @@ def sources(loop):
 
 
 def send_all(loop, host, driver, pdus):
-    """Send as a host does: what is BUSY waits for writable()."""
+    """Send PDUs as a host does: after BUSY, wait for writable()."""
     for wanted in requests(pdus):
         while (outcome := driver.send(wanted)) is Sent.BUSY:
             before = host.times_writable
@@ -63,7 +60,7 @@ def send_all(loop, host, driver, pdus):
 
 
 def exchange(bench, loop, host):
-    """One message each way, or what a module without messages is there for."""
+    """Exchange one message in each direction, or wait for the service of a module without messages."""
     if isinstance(bench, ModuleBench):
         told(loop, lambda: bench.has_served(host), bench.patience_s)
         return
@@ -82,18 +79,18 @@ def start(bench, loop, host):
 
 
 def stop(bench, loop, before, others):
-    """Stop, and wait for the end of what the driver ran: nothing of it may be left."""
+    """Stop the driver and wait for the end of its processes. Check that no descriptor or process is left."""
     bench.driver.stop()
     told(loop, lambda: (descriptors(), sources(loop)) == (before, others), bench.patience_s)
 
 
 @every
-def test_its_link_is_up_when_start_returns(bench, loop, host, kind):
+def test_its_link_is_up_when_start_returns(bench, loop, host):
     bench.plug()
     bench.driver.start(host)
-    if kind in IN_A_PROCESS:
+    if bench.has_process:
         told(loop, lambda: host.links, bench.patience_s)
-    if kind in BROUGHT_UP:
+    if bench.is_brought_up:
         assert not host.links[0][0]
         told(loop, lambda: host.is_up, bench.patience_s)
         host.links = [link for link in host.links if link[0]]
@@ -226,7 +223,7 @@ def test_it_may_be_stopped_by_what_it_indicates(bench, loop, host):
 def test_a_start_that_fails_half_way_closes_what_it_had_opened_and_may_be_repeated(bench, loop, host, kind, free):
     bench.plug()
     before, others = open_before(), sources(loop)
-    bench.driver.start(host)  # what is imported at the first start is imported
+    bench.driver.start(host)  # the first start imports modules, which may open files
     stop(bench, loop, before, others)
     highest = max(map(int, before))
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -239,7 +236,7 @@ def test_a_start_that_fails_half_way_closes_what_it_had_opened_and_may_be_repeat
         bench.driver.refresh()
         bench.driver.stop()
     else:
-        assert free or kind == "morse"  # which opens a file only when there is something to say
+        assert free or kind == "morse"  # morse opens a file only to send
         bench.driver.stop()
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
@@ -249,15 +246,15 @@ def test_a_start_that_fails_half_way_closes_what_it_had_opened_and_may_be_repeat
     bench.driver.start(host)
 
 
+def test_every_driver_has_a_bench():
+    assert {name.partition("-")[0] for name in BENCHES} == set(DRIVERS), "tests/drivers/benches.py: BENCHES"
+
+
 @every
-def test_every_driver_has_a_bench_and_describes_its_options(bench, kind):
-    assert {name.partition("-")[0] for name in BENCHES} == set(DRIVERS)
+def test_bench_of_driver_has_its_class_capabilities_and_described_options(bench, kind):
     driver = DRIVERS[kind.partition("-")[0]]
     assert isinstance(bench.driver, driver)
-    carries_areas = Can.GEOBROADCAST if kind in WITH_GEONETWORKING else Can(0)
-    anywhere = Can.ANYWHERE if kind == "mqtt" else Can(0)
-    can = bench.can if kind in MODULES else Can.RECEIVE | Can.TRANSMIT | carries_areas | anywhere
-    assert bench.driver.capabilities.can == can
+    assert bench.driver.capabilities.can == bench.can
     assert driver.Options.__doc__
 
 

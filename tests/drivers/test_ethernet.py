@@ -1,4 +1,4 @@
-"""Raw sockets on a veth pair, in a network namespace of each test's own."""
+"""Raw sockets on a veth pair, in a network namespace for each test."""
 
 import errno
 import json
@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from board.describe import read
-from board.errors import ConfigurationError, InterfaceError, RequestError
 from board.netlink import device
+from board.runtime.describe import read
+from board.runtime.errors import ConfigurationError, InterfaceError, RequestError
 from drivers.contract import Sent
 from drivers.ethernet import Ethernet, EthernetOptions
 from drivers.message import Area, Position, Shape
 from drivers.reason import Reason
-from drivers.wire.geonet_header import Address
-from drivers.wire.geonet_packet import parse
+from drivers.wire.geonet.header import Address
+from drivers.wire.geonet.packet import parse
 from firmware.topics import Topics
 from tests.drivers.benches import ip, wait_for_carrier
 from tests.drivers.host import CAM, DENM, EGO, MAC, SHARED, Host, request, told
@@ -37,7 +37,7 @@ def veth():
 
 
 def air():
-    """The other end of the cable: everything that is sent by it, whatever its EtherType."""
+    """Return a socket at the other end of the veth pair, which receives frames of any EtherType."""
     air = socket.socket(socket.AF_PACKET, socket.SOCK_RAW | socket.SOCK_NONBLOCK, socket.htons(0x8947))
     air.bind(("air0", 0x8947))
     return air
@@ -95,7 +95,7 @@ def test_a_configured_address_is_the_sender(host):
 
 
 def sent_with(host, shared, **options):
-    """What a station says of itself in the first packet that it sends."""
+    """Return the position vector in the first packet that a station with these options sends."""
     driver = started(host, shared, **options)
     other = air()
     driver.send(request(CAM))
@@ -171,7 +171,7 @@ def by_message(number):
 
 
 def flood_with_others_between(sender):
-    """3000 CAMs, and at 50 places among them one frame of each other type; returns how many others those were."""
+    """Send 3000 CAMs, and at 50 places among them a frame of each other type. Return the number of the others."""
     for number in range(3000):
         sender.send(CAM_FRAME)
         if number % 60 == 0:
@@ -189,7 +189,7 @@ LANED = SHARED._replace(lanes=Topics().lanes())
 
 def test_a_flood_of_cams_takes_no_frame_of_another_type(loop, host):
     veth()
-    # Room for the 150 others of the last lane, and not for 3000 CAMs.
+    # The buffer has room for the 150 frames of the last lane, but not for 3000 CAMs.
     driver = started(host, LANED, receive_buffer=150_000)
     others = flood_with_others_between(air())
     driver.refresh()
@@ -401,17 +401,18 @@ def test_sending_by_a_device_that_has_just_gone_down_keeps_the_request(loop, hos
     assert host.failures == []
 
 
-# Of each traffic class, in the order sent: TC-ID 0 is AC_VO, 1 AC_VI, 2 AC_BE, 3 AC_BK, others are reserved; the two
-# bits before it say nothing about the queue. 256 and a user priority is what cfg80211_classify8021d() understands.
+# Socket priority of each traffic class, in the order sent. TC-ID 0 is AC_VO, 1 AC_VI, 2 AC_BE, 3 AC_BK; the others are
+# reserved. The two bits before the TC-ID do not affect the queue. cfg80211_classify8021d() expects 256 plus a user
+# priority.
 PRIORITIES = {2: 0, 0: 263, 1: 261, 3: 257, 0x82: 256, 0x41: 261, 63: 256}
 
 
 def sent_by_class(driver):
-    """The priority of the socket that each class was sent by."""
+    """Return the socket priority with which each traffic class was sent."""
     found = {}
     for traffic_class in PRIORITIES:
         assert driver.send(request(CAM)._replace(traffic_class=traffic_class)) is Sent.NOW
-        found[traffic_class] = driver._transmitter.getsockopt(socket.SOL_SOCKET, socket.SO_PRIORITY)
+        found[traffic_class] = driver._device._transmitter.getsockopt(socket.SOL_SOCKET, socket.SO_PRIORITY)
     return found
 
 
@@ -441,11 +442,11 @@ def test_a_beacon_leaves_by_the_class_in_its_header(loop, host):
     other = air()
     loop.run_for(8)
     assert other.recv(2048)[20] == 0
-    assert driver._transmitter.getsockopt(socket.SOL_SOCKET, socket.SO_PRIORITY) == 263
+    assert driver._device._transmitter.getsockopt(socket.SOL_SOCKET, socket.SO_PRIORITY) == 263
 
 
 class Full:
-    """A socket whose device has a full queue."""
+    """Socket whose device has a full queue."""
 
     def send(self, octets):
         raise OSError(errno.ENOBUFS, os.strerror(errno.ENOBUFS))
@@ -456,12 +457,12 @@ def test_a_full_device_is_asked_again_also_after_a_stop_while_it_was_full(loop, 
     driver = started(host)
     for _ in range(2):
         with monkeypatch.context() as patch:
-            patch.setattr(driver, "_transmitter", Full())
+            patch.setattr(driver._device, "_transmitter", Full())
             assert driver.send(request(CAM)) is Sent.BUSY
         driver.stop()
         driver.start(host)
     with monkeypatch.context() as patch:
-        patch.setattr(driver, "_transmitter", Full())
+        patch.setattr(driver._device, "_transmitter", Full())
         assert driver.send(request(CAM)) is Sent.BUSY
     loop.run_until(lambda: host.times_writable == 1, within=0.1)
     assert driver.send(request(CAM)) is Sent.NOW
@@ -482,11 +483,11 @@ def test_without_the_privilege_the_remedy_is_said(host):
     with pytest.raises(InterfaceError, match="not permitted") as failure:
         started(host)
     assert "AmbientCapabilities=CAP_NET_RAW" in failure.value.hint
-    assert "setcap" not in failure.value.hint  # the one-file binary refuses to start with it
+    assert "setcap" not in failure.value.hint  # the one-file binary does not start with setcap
 
 
 def _give_up_privileges():
-    """No capability is left to this process: PR_SET_NO_NEW_PRIVS does not do it, capset() of nothing does."""
+    """Drop all capabilities of this process by capset(). PR_SET_NO_NEW_PRIVS alone does not drop them."""
     import ctypes
 
     libc = ctypes.CDLL(None, use_errno=True)
@@ -509,6 +510,6 @@ def test_each_option_that_cannot_be_meant_is_told_with_its_key():
     with pytest.raises(ConfigurationError) as refused:
         read(EthernetOptions, {"device": "a/b", "mac": "zz"}, "captain.toml")
     assert refused.value.message.split("\n") == [
-        'captain.toml: device: "a/b" is no name of a network device; `ip -brief link` lists them',
-        'captain.toml: mac: "zz" is no address of one station; write for example 02:00:00:00:00:0b',
+        'captain.toml: device: invalid name of a network device: "a/b"; `ip -brief link` lists them',
+        'captain.toml: mac: invalid MAC address of a station: "zz"; write for example 02:00:00:00:00:0b',
     ]

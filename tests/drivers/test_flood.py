@@ -1,4 +1,4 @@
-"""A hundred thousand random datagrams, frames, octets and files: each is counted, and the next good one passes."""
+"""Flood of 100,000 random inputs: each is counted, and valid messages still pass."""
 
 import json
 import random
@@ -9,8 +9,9 @@ import pytest
 
 from drivers.morse import Morse, MorseOptions
 from drivers.reason import Reason
+from drivers.sim.serial_line import SerialLine
 from drivers.uart import Uart, UartOptions
-from drivers.udp import Udp, UdpOptions
+from drivers.udp.driver import Udp, UdpOptions
 from drivers.wire import morse, serial_frame
 from tests.drivers.benches import EthernetBench
 from tests.drivers.host import CAM, SHARED, Host
@@ -21,7 +22,7 @@ FRAMES = [bytes.fromhex(frame["hex"]) for frame in CAPTURES["frames"]]
 
 
 def damaged(chance, originals):
-    """Random octets, and real ones that were cut, lengthened or changed in one place: every second one of each."""
+    """Yield random octets and damaged originals in turn. An original is cut, lengthened or changed in one place."""
     while True:
         yield chance.randbytes(chance.randrange(120))
         octets = bytearray(chance.choice(originals))
@@ -34,7 +35,7 @@ def resident_kib():
 
 
 class Steady:
-    """Resident memory after a tenth of the flood against its end: it may not grow by what the flood holds."""
+    """Check of the resident memory: between a tenth of the flood and its end, it may hardly grow."""
 
     def __init__(self):
         self.first = 0
@@ -59,7 +60,7 @@ def counting(loop):
 
 
 def flood(loop, send, count, steady, messages):
-    """Send all in portions that a socket's buffer holds; returns how many were sent."""
+    """Send all inputs in portions that fit into a socket's buffer. Return their number."""
     for done in range(0, COUNT, 100):
         for _ in range(100):
             send(next(messages))
@@ -104,33 +105,37 @@ def test_ethernet_survives_a_flood_of_noise(loop, steady, tmp_path):
 
 
 def test_uart_survives_a_flood_of_noise(loop, counting, steady):
-    driver = Uart(UartOptions(device="none"), SHARED)
-    driver._host, driver._port, driver._frames = counting, object(), serial_frame.SerialFrames()
+    end = SerialLine(loop)
+    driver = Uart(UartOptions(device=end.path), SHARED)
+    driver.start(counting)
+    line = driver._line
     good = serial_frame.encode(2001, CAM)
     chance = random.Random(3)
     messages = damaged(chance, [good, b"V2" * 5 + good])
     for done in range(1, COUNT + 1):
-        driver._received(next(messages))
+        line._received(next(messages))
         steady(done)
     steady.check()
     assert counting.drops[Reason.FRAMING] > 100
     assert counting.drops[Reason.CHECKSUM] > 100
-    assert len(driver._frames._waiting) < 2000
+    assert len(line._frames._waiting) < 2000
     loop.run_for(1)
     before = counting.count
-    driver._received(good)
+    line._received(good)
     assert counting.count == before + 1
+    driver.stop()
+    end.unplug()
 
 
 def hear(driver, file):
-    ear = morse.Ear()
+    ear = morse.ToneDecoder()
     ear.receive(file)
-    driver._heard(ear, file)
+    driver._running._heard(ear, file)
 
 
-def test_morse_survives_a_flood_of_noise(counting, steady):
-    driver = Morse(MorseOptions(listen="."), SHARED)
-    driver._host = counting
+def test_morse_survives_a_flood_of_noise(counting, steady, tmp_path):
+    driver = Morse(MorseOptions(listen=str(tmp_path)), SHARED)
+    driver.start(counting)
     file = b"".join(morse.wav(morse.encode(b""), 5))
     chance = random.Random(4)
     messages = damaged(chance, [file[:60], file])

@@ -1,4 +1,4 @@
-"""PDUs that two stations whistle to each other through directories, or blink at a line."""
+"""Morse: two stations exchange PDUs as sound files or by a GPIO line."""
 
 import wave
 from itertools import pairwise
@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from board.describe import read
-from board.errors import ConfigurationError, InterfaceError, RequestError
 from board.machine import Machine
+from board.runtime.describe import read
+from board.runtime.errors import ConfigurationError, InterfaceError, RequestError
 from drivers.contract import Can, Sent
 from drivers.morse import KEEP, Morse, MorseOptions
 from drivers.reason import Reason
@@ -34,7 +34,7 @@ def start(host, tmp_path, at_end):
 
 
 def say(driver, host, pdu):
-    """Send, and turn until it is spoken."""
+    """Send a PDU, and run the loop until it has been sent."""
     wanted = request(pdu)
     assert driver.send(wanted) is Sent.LATER
     host.loop.run_until(lambda: (wanted, None) in host.confirms)

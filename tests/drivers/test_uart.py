@@ -1,12 +1,12 @@
-"""A serial port that is a pty, with a simulated station at its other end."""
+"""Serial port: a pty with a simulated station at its other end."""
 
 import os
 import termios
 
 import pytest
 
-from board.describe import read
-from board.errors import ConfigurationError, InterfaceError, RequestError
+from board.runtime.describe import read
+from board.runtime.errors import ConfigurationError, InterfaceError, RequestError
 from drivers.contract import Sent
 from drivers.reason import Reason
 from drivers.sim.serial_line import SerialLine
@@ -24,7 +24,7 @@ def line(loop):
 
 @pytest.fixture
 def deaf_line(loop):
-    """One that takes nothing before it listens: the clock does not wait for what lies in it."""
+    """Return a line whose other end reads nothing before listen(). The clock does not wait for octets in it."""
     loop.is_carrying = lambda: False
     line = SerialLine(loop, reads=False)
     yield line
@@ -56,12 +56,12 @@ def test_frames_cross_the_line_both_ways_with_their_ports(loop, host, line, star
 def test_what_the_line_has_not_taken_is_thrown_away_at_a_stop_which_would_wait_for_it_otherwise(
     line, start, monkeypatch
 ):
-    # A pty has no line that could be slow, so what is thrown away is asked of the call.
+    # A pty is never slow, so the test checks the call that discards octets, not its effect.
     thrown = []
     flush = termios.tcflush
 
     def tcflush(descriptor, queue):
-        flush(descriptor, queue)  # which fails where the port is closed already
+        flush(descriptor, queue)  # fails if the port is already closed
         thrown.append(queue)
 
     driver = start(line.path)
@@ -146,7 +146,7 @@ def test_a_port_that_breaks_at_a_send_takes_no_request(host, line, start):
 
 def test_a_port_that_is_taken_is_said(line, start):
     start(line.path)
-    with pytest.raises(InterfaceError, match="is taken by another program"):
+    with pytest.raises(InterfaceError, match="is in use by another program"):
         start(line.path)
 
 

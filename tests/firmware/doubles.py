@@ -1,16 +1,16 @@
-"""What stands in for the rest of a station: a scripted driver, a station that only notes, messages made by hand."""
+"""Doubles of a station: scripted driver, noting station, handmade messages."""
 
 import math
 from collections.abc import Callable
 
-from board.errors import StationError
-from board.loop import Loop
-from board.time import TimeQuality
+from board.runtime.errors import StationError
+from board.runtime.loop import Loop
+from board.time.scales import TimeQuality
 from drivers.contract import Can, Capabilities, Host, Sent
 from drivers.message import UNKNOWN_TIME, Confirm, Ego, Indication, MessageType, Outcome, Position, Request
-from firmware.drops import Drops
-from firmware.interface import Interface
-from firmware.tables import QueueOptions
+from firmware.config.tables import QueueOptions
+from firmware.routing.drops import Drops
+from firmware.routing.interface import Interface
 from firmware.topics import Topics
 
 CAM_PDU = bytes.fromhex("02020000053900010203")
@@ -66,7 +66,7 @@ class ScriptedDriver:
 
 
 class NotingStation:
-    """firmware.interface.Above that keeps all that it is told."""
+    """firmware.routing.interface.UpperLayer that keeps all that it is told."""
 
     def __init__(self, position: Position | None = None) -> None:
         self.is_confirm_wanted = True
@@ -91,6 +91,9 @@ class NotingStation:
 
     def ego(self) -> Ego:
         return Ego(0, self.position or Position(), self.position is not None)
+
+    def its_ms(self) -> int:
+        return 0
 
     def outcomes(self) -> list[tuple[int, Outcome, object]]:
         return [(confirm.request.number, confirm.outcome, confirm.reason) for confirm in self.confirms]

@@ -1,4 +1,4 @@
-"""The command line: help, wrong usage, and how failures are told."""
+"""Command line: help, wrong usage, failures."""
 
 import argparse
 import json
@@ -10,8 +10,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from board.errors import ConfigurationError, StationError, UsageError
-from firmware import VERSION, cli
+from board.runtime.errors import ConfigurationError, StationError, UsageError
+from firmware import VERSION, cli, commands
 
 ROOT = Path(__file__).parents[2]
 
@@ -30,13 +30,120 @@ def test_the_version_is_told(argv: list[str], capsys: pytest.CaptureFixture[str]
     assert capsys.readouterr().out == f"captain {VERSION}\n"
 
 
-@pytest.mark.parametrize("argv", [[], ["rum"], ["--verbose"], [""], ["Run"], ["run "]])
-def test_wrong_usage_shows_the_commands_on_stderr(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(argv) == cli.USAGE_ERROR
+def test_wrong_usage_without_a_command_shows_all_on_stderr(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main([]) == cli.USAGE_ERROR
     said = capsys.readouterr()
     assert said.out == ""
-    assert "usage: captain COMMAND" in said.err
-    assert not argv or repr(argv[0]) in said.err
+    assert all(verb in said.err for verb in cli.VERBS)
+
+
+@pytest.mark.parametrize(
+    ("word", "told"),
+    [
+        ("rum", "unknown command: 'rum'; did you mean run?"),
+        ("lisen", "unknown command: 'lisen'; did you mean listen?"),
+        ("Run", "unknown command: 'Run'; did you mean run?"),
+        ("run ", "unknown command: 'run '; did you mean run?"),
+        ("", "unknown command: ''; `captain --help` shows all"),
+        ("xyzzy\x1b[2J", "unknown command: 'xyzzy\\x1b[2J'; `captain --help` shows all"),
+        ("--verson", "unknown option: '--verson'; did you mean --version?"),
+        ("-v", "unknown option: '-v'; `captain --help` shows all"),
+    ],
+)
+def test_an_unknown_command_is_the_last_line_with_the_nearest_one(
+    word: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main([word]) == cli.USAGE_ERROR
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("usage: captain COMMAND")
+    assert err.splitlines()[-1] == f"captain: {told}"
+    assert len(err.splitlines()) < 24
+
+
+@pytest.mark.parametrize(
+    ("argv", "told"),
+    [
+        (["listen", "--tpye", "cam"], "captain listen: error: unknown option: --tpye; did you mean --type?"),
+        (["listen", "--tpye=cam"], "captain listen: error: unknown option: --tpye; did you mean --type?"),
+        (["status", "--js"], "captain status: error: unknown option: --js; did you mean --json?"),
+        (["status", "cam"], "captain status: error: unexpected argument: 'cam'; see captain status --help"),
+        (["status", "-q"], "captain status: error: unknown option: -q; see captain status --help"),
+        (["slot", "cycel", "1"], "captain slot: error: unknown value: 'cycel'; did you mean cycle?"),
+        (
+            ["send", "--format", "x", "y"],
+            "captain send: error: argument --format: unknown value: 'x'; known: hex, base64, binary, json",
+        ),
+    ],
+)
+def test_wrong_usage_ends_with_the_error_and_the_nearest_word(
+    argv: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match=str(cli.USAGE_ERROR)):
+        cli.main(argv)
+    assert capsys.readouterr().err.splitlines()[-1] == told
+
+
+def test_an_unknown_option_of_a_subcommand_is_compared_with_the_options_of_that(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def arguments(parser: argparse.ArgumentParser) -> None:
+        verbs = parser.add_subparsers(dest="do", required=True)
+        verbs.add_parser("open").add_argument("--width")
+        verbs.add_parser("close").add_argument("--speed")
+
+    command = SimpleNamespace(DESCRIPTION="x", EPILOG="y", arguments=arguments, main=lambda arguments: 0)
+    monkeypatch.setattr(cli, "load", lambda verb: command)
+    for argv, told in (
+        (["open", "--widht", "1"], "captain run open: error: unknown option: --widht; did you mean --width?"),
+        (["opne"], "captain run: error: unknown command: 'opne'; did you mean open?"),
+    ):
+        with pytest.raises(SystemExit, match=str(cli.USAGE_ERROR)):
+            cli.main(["run", *argv])
+        assert capsys.readouterr().err.splitlines()[-1] == told
+
+
+def test_help_of_one_command_is_that_of_its_option(capsys: pytest.CaptureFixture[str]) -> None:
+    said = []
+    for argv in (["help", "slot"], ["slot", "--help"]):
+        with pytest.raises(SystemExit, match="0"):
+            cli.main(argv)
+        said.append(capsys.readouterr().out)
+    assert said[0] == said[1] != ""
+
+
+@pytest.mark.parametrize("verb", list(cli.VERBS))
+def test_help_has_80_columns(verb: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    with pytest.raises(SystemExit):
+        cli.main([verb, "--help"])
+    assert [line for line in capsys.readouterr().out.splitlines() if len(line) > 80] == []
+
+
+@pytest.mark.parametrize("verb", list(cli.VERBS))
+def test_load_of_every_verb_returns_the_module_of_its_name(verb: str) -> None:
+    assert cli.load(verb).__name__ == f"firmware.commands.{verb.replace('-', '_')}"
+
+
+def test_verbs_are_the_modules_of_commands() -> None:
+    modules = {path.stem for path in Path(commands.__path__[0]).glob("*.py")} - {"__init__"}
+    assert {verb.replace("-", "_") for verb in cli.VERBS} == modules
+
+
+def test_help_fits_a_screen_in_two_aligned_columns(capsys: pytest.CaptureFixture[str]) -> None:
+    cli.main(["--help"])
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) < 24
+    assert max(map(len, lines)) < 80
+    found = {
+        line.index(f"{verb} ", at)
+        for verb in cli.VERBS
+        for line in lines
+        for at in (2, 42)
+        if line.startswith(verb, at)
+    }
+    assert found == {2, 42}
+    assert all(any(summary in line for line in lines) for summary in cli.VERBS.values())
 
 
 @pytest.mark.parametrize("verb", list(cli.VERBS))
@@ -98,6 +205,30 @@ def test_the_mistakes_of_a_file_keep_a_line_each(
     a_command_that_raises(ConfigurationError("a.toml: x: is none\na.toml: y\t: is none"), monkeypatch)
     cli.main(["run"])
     assert capsys.readouterr().err == "captain: a.toml: x: is none\na.toml: y\\x09: is none\n"
+
+
+@pytest.mark.parametrize(
+    ("argv", "prog"),
+    [
+        (["status", "--json", "--nonsense"], "captain status"),
+        (["slot", "--json"], "captain slot"),
+        (["meter", "live", "--json", "--nonsense"], "captain meter"),
+        (["time", "--json", "--watch=often"], "captain time"),
+    ],
+)
+def test_wrong_usage_with_json_is_an_object_too(argv: list[str], prog: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match=str(cli.USAGE_ERROR)):
+        cli.main(argv)
+    out, err = capsys.readouterr()
+    said = json.loads(out)
+    assert said == {"error": said["error"], "hint": f"{prog} --help"}
+    assert said["error"] in err
+
+
+def test_wrong_usage_without_json_leaves_standard_output_empty(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match=str(cli.USAGE_ERROR)):
+        cli.main(["status", "--nonsense"])
+    assert capsys.readouterr().out == ""
 
 
 @pytest.mark.parametrize(("kind", "code"), [(StationError, 1), (UsageError, cli.USAGE_ERROR)])

@@ -4,24 +4,25 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from board.bus_calls import BlockingBusCalls
 from board.description import Hardware
-from board.errors import InterfaceError
-from board.hands import Hands
-from board.loop import Loop
 from board.machine import Machine
+from board.runtime.errors import InterfaceError
+from board.runtime.loop import Loop
+from board.time.scales import Fix, TimeMark
 from drivers.contract import Driver, Shared
+from drivers.gnss.driver import GnssOptions, ZedF9p
 from drivers.sim.board import SimulatedBoard
 from drivers.sim.chips import FiledBus
-from drivers.sim8202g import ModemOptions, Sim8202g
-from drivers.zed_f9p import GnssOptions, ZedF9p
-from firmware import board_file
-from firmware.carrier import Carrier
-from firmware.drops import Drops
-from firmware.interface import Interface
-from firmware.place import Place
-from firmware.simulation import Simulation
-from firmware.supervisor import Supervised
-from firmware.tables import QueueOptions
+from drivers.sim8202g.driver import ModemOptions, Sim8202g
+from firmware.config import board_file
+from firmware.config.tables import QueueOptions
+from firmware.routing.drops import Drops
+from firmware.routing.interface import Interface, InterfaceListener
+from firmware.station.carrier import Carrier
+from firmware.station.interface_supervisor import InterfaceSupervisor
+from firmware.station.position import OwnPosition
+from firmware.station.simulation import Simulation
 from firmware.topics import Topics
 from tests.firmware.doubles import NotingStation
 from tests.virtual import VirtualLoop
@@ -30,14 +31,14 @@ NO_CLOCK = {"pulse": None, "state": "system", "uncertainty_ns": None}  # of a st
 MAC = bytes.fromhex("02000000000b")
 
 
-class NearRemote:
-    """board.remote.Remote without a process: calls are done at once, and answered in the next turn."""
+class NearBoardWorker:
+    """board.board_worker.BoardWorker without a process: calls are done at once, and answered in the next turn."""
 
     def __init__(self, loop: Loop, hardware: Hardware, machine: Machine, worker: str) -> None:
         self.worker = worker
         self.asked: list[str] = []
         self._loop = loop
-        self._hands = Hands(hardware, machine, FiledBus)
+        self._calls = BlockingBusCalls(hardware, machine, FiledBus)
 
     def start(self) -> None: ...
 
@@ -45,12 +46,26 @@ class NearRemote:
 
     def ask(self, do: str, arguments: Mapping[str, object], done: Callable[[Any], None]) -> None:
         self.asked.append(do)
-        answer = json.loads(self._hands.answer(json.dumps({"id": 1, "do": do, **arguments}).encode()))
+        answer = json.loads(self._calls.answer(json.dumps({"id": 1, "do": do, **arguments}).encode()))
         outcome = InterfaceError(answer["error"], answer["hint"]) if "error" in answer else answer["value"]
         self._loop.soon(lambda: done(outcome))
 
     def status(self) -> dict[str, object]:
         return {"is_up": True}
+
+
+class PositionListener(InterfaceListener):
+    """Passes fixes and time marks of one interface to the own position."""
+
+    def __init__(self, name: str, own_position: OwnPosition) -> None:
+        self._name = name
+        self._own_position = own_position
+
+    def fix(self, fix: Fix) -> None:
+        self._own_position.fix(self._name, fix)
+
+    def time_mark(self, mark: TimeMark) -> None:
+        self._own_position.time_mark(self._name, mark)
 
 
 class WholeBoard:
@@ -63,7 +78,7 @@ class WholeBoard:
         assert self.simulation.board is not None
         self.simulated: SimulatedBoard = self.simulation.board
         self.above = NotingStation()
-        self.place = Place(loop.clock, None, is_mobile=True)
+        self.own_position = OwnPosition(loop.clock, None, is_mobile=True)
         self.notes: list[tuple[str, str]] = []
         shared = Shared(MAC, machine=self.simulated.machine)
         self.gnss = self._supervised("gnss", ZedF9p(GnssOptions(usb="1-1.1"), shared))
@@ -77,11 +92,10 @@ class WholeBoard:
             "sim-board",
         )
 
-    def _supervised(self, name: str, driver: Driver) -> Supervised:
+    def _supervised(self, name: str, driver: Driver) -> InterfaceSupervisor:
         interface = Interface(name, driver, QueueOptions(name, slot=name), self.loop, self.above, Topics(), Drops())
-        interface.on_fix = lambda fix: self.place.fix(name, fix)
-        interface.on_time_mark = lambda mark: self.place.time_mark(name, mark)
-        return Supervised(self.loop, interface, lambda: 0.5)
+        interface.listener = PositionListener(name, self.own_position)
+        return InterfaceSupervisor(self.loop, interface, lambda: 0.5)
 
     def start(self) -> None:
         self.simulated.start()

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from board.errors import ConfigurationError
-from firmware import config
-from firmware.config import Config
+from board.runtime.errors import ConfigurationError
+from firmware.config import captain_toml
+from firmware.config.captain_toml import Config
 
 TWO_UDP = """
 [interfaces.g5]
@@ -21,7 +21,7 @@ listen = "127.0.0.1:0"
 def loaded(folder: Path, text: str, *overrides: str, board: str = "none") -> Config:
     path = folder / "captain.toml"
     path.write_text(text)
-    return config.load(str(path), overrides, board)
+    return captain_toml.load(str(path), overrides, board)
 
 
 def mistakes(folder: Path, text: str, *overrides: str, board: str = "none") -> list[str]:

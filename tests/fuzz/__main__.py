@@ -10,7 +10,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor, as_completed
 
-from asn1 import selection, text
+from asn1.model import selection, text
 from tests.fuzz import build, corpus, run
 
 FOLDER = corpus.ROOT / "build" / "fuzz"

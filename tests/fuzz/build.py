@@ -9,8 +9,12 @@ from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from asn1 import layout, library, selection
-from asn1.types import Schema
+from asn1.backends.backend import Job
+from asn1.backends.registry import BACKENDS
+from asn1.backends.ros2.options import Ros2Options
+from asn1.layout import layout
+from asn1.model import selection
+from asn1.model.types import Schema
 
 SANITIZERS = "address,undefined"
 # Comparisons are not traced: that took half the time, and what is compared stands in an input shifted by some bits, where libFuzzer
@@ -38,7 +42,7 @@ def programs(schema: Schema, messages: tuple[str, ...], folder: Path, jobs: int)
     # All messages, so that a selection does not make the next run compile everything again.
     everything = tuple(schema.messages)
     sources = folder / "sources"
-    library.generate(schema, everything, "sources", sources, lambda what: None, library.Ros2(with_cdr=True))
+    BACKENDS["sources"].write(Job(schema, everything, Ros2Options(with_cdr=True)), sources, lambda what: None)
     flags = [*FLAGS, f"-I{sources / 'include'}"]
     newest = _newest_ns(path for path in sources.rglob("*.h") if not _is_ros2(path))
     chosen = layout.lay_out(schema, [schema.messages[name] for name in messages])
@@ -81,7 +85,7 @@ def _is_ros2(path: Path) -> bool:
 def python_module(folder: Path) -> Path:
     """The folder of the Python module, compiled so that atheris sees the coverage of its C. Raises BuildError."""
     module = folder / "python"
-    command = [sys.executable, "-m", "asn1", "generate", "--all", "--form", "python", "--to", str(module)]
+    command = [sys.executable, "-m", "asn1", "generate", "--all", "--format", "python", "--to", str(module)]
     flags = f"-g -fsanitize=fuzzer-no-link,undefined -fno-sanitize-recover=all {UNTRACED}"
     _run(command, CC="clang", CFLAGS=flags)
     return module

@@ -1,6 +1,6 @@
-"""The committed corpus: per target a text file, one input a line in hexadecimal. Small, and readable in a diff.
+"""Committed corpus: a text file per target, one hexadecimal input a line.
 
-Above the blank line stand valid messages, real ones and made ones; they stay. Below it stands what fuzzing has found.
+Valid messages, real and made ones, are above the blank line; they stay. Findings of fuzzing are below it.
 """
 
 import hashlib

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from asn1.library import PROFILES
+from asn1.backends.ros2.options import PROFILES
 from tests.fuzz import build, corpus
 
 PYTHON = "python"  # the names of the targets that are no message

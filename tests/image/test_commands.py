@@ -1,4 +1,4 @@
-"""What a person may do wrong at the command line, which is told in words; and what makes nothing."""
+"""Wrong usage of the commands, reported in words."""
 
 import errno
 import fcntl
@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from image import __main__, build, step
+from image import __main__, step
+from image.card import build
 
 
 def said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
@@ -61,7 +62,7 @@ def test_a_link_to_itself_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
             "/keys: Permission denied\n  (as root, or as who",
         ),
         (OSError(errno.ENOSPC, "No space left on device"), "/to: No space left on device\n  (make room, or name"),
-        (OSError(errno.EIO, "Input/output error", "/x"), "/x: Input/output error\n  (is the disk sound?)\n"),
+        (OSError(errno.EIO, "Input/output error", "/x"), "/x: Input/output error\n  (check the disk)\n"),
     ],
 )
 def test_what_the_system_refuses_is_told_with_its_place(

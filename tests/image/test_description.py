@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from image import boot, device_tree, verify_boot
 from image.description import ON_BOOT, Description, read
 from image.errors import ImageError
+from image.parts import boot, device_tree
+from image.verify import boot as verify_boot
 
 PROJECT = Path(__file__).resolve().parents[2]
 OWN = PROJECT / "image/image.toml"
@@ -44,59 +45,67 @@ def test_the_own_description_gives_the_own_board_what_it_asks_for():
         ('suite = "trixie"', "suite = 13", "base.suite: 13 is an integer; give text in quotes"),
         ('suite = "trixie"', "", "base.suite: is missing; give text in quotes"),
         ('suite = "trixie"', 'suit = "trixie"', "base.suit: is not a known key; did you mean suite?"),
-        ('suite = "trixie"', 'suite = ""', 'base.suite: "" is no suite; give one as trixie'),
-        ('suite = "trixie"', 'suite = "trixie main"', 'base.suite: "trixie main" is no suite'),
-        ('suite = "trixie"', 'suite = "../trixie"', 'base.suite: "../trixie" is no suite'),
+        ('suite = "trixie"', 'suite = ""', 'base.suite: "" is an invalid suite; give one as trixie'),
+        ('suite = "trixie"', 'suite = "trixie main"', 'base.suite: "trixie main" is an invalid suite'),
+        ('suite = "trixie"', 'suite = "../trixie"', 'base.suite: "../trixie" is an invalid suite'),
         (
             '"-security", ',
             '"security", ',
-            'base.mends[0]: "security" is no end of a suite\'s name; give one as -security',
+            'base.mends[0]: "security" is an invalid end of a suite\'s name; give one as -security',
         ),
         ('"-security", ', '"-updates", ', 'base.mends: "-updates" is there twice; name it once'),
         ('architecture = "arm64"', 'architecture = "amd64"', 'base.architecture: "amd64" is not a choice'),
-        ('suite = "bookworm"', 'suite = "../12"', 'release.suite: "../12" is no suite; give one as trixie'),
+        ('suite = "bookworm"', 'suite = "../12"', 'release.suite: "../12" is an invalid suite; give one as trixie'),
         ('suite = "bookworm"', 'suit = "bookworm"', "release.suit: is not a known key; did you mean suite?"),
-        ('"python3.11" = "the interpreter"', '"python3.11" = ""', "release.packages.python3.11: has no reason"),
+        ('"python3.11" = "the interpreter"', '"python3.11" = ""', 'release.packages."python3.11": has no reason'),
         ("[release.packages]", "[release.package]", "release.packages: is missing; give a table"),
         ('components = ["main", "non-free-firmware"]', 'components = "main"', 'base.components: "main" is text'),
         ('["main", "non-free-firmware"]', "[]", "base.components: is empty; name one at least"),
         ('["main", "non-free-firmware"]', '["main", "main"]', 'base.components: "main" is there twice; name it once'),
-        ('["main", "non-free-firmware"]', '["main\\n"]', r'base.components[0]: "main\n" is no component'),
+        ('["main", "non-free-firmware"]', '["main\\n"]', r'base.components[0]: "main\n" is an invalid component'),
         ('keyring = "/usr', 'keyring = "usr', 'base.keyring: "usr/share'),
-        ('archive-keyring.gpg"', 'archive keyring.gpg"', "is no path of a file; give all of it"),
+        ('archive-keyring.gpg"', 'archive keyring.gpg"', "is an invalid path of a file; give all of it"),
         (
             'name = "captain"',
             'name = ""',
-            'name: "" is no host name; give lower-case letters, digits and -, as captain',
+            'name: "" is an invalid host name; give lower-case letters, digits and -, as captain',
         ),
-        ('name = "captain"', 'name = "../captain"', 'name: "../captain" is no host name'),
-        ('name = "captain"', 'name = "a\\u0000b"', r'name: "a\x00b" is no host name'),
-        ('name = "captain"', f'name = "{"a" * 64}"', "is no host name"),
+        ('name = "captain"', 'name = "../captain"', 'name: "../captain" is an invalid host name'),
+        ('name = "captain"', 'name = "a\\u0000b"', r'name: "a\x00b" is an invalid host name'),
+        ('name = "captain"', f'name = "{"a" * 64}"', "is an invalid host name"),
         ('package = "linux-image-arm64"', "package = 1", "kernel.package: 1 is an integer; give text in quotes"),
-        ('package = "linux-image-arm64"', 'package = "a=1"', 'kernel.package: "a=1" is no package\'s name'),
-        ('package = "u-boot-rpi"', 'package = "u-boot-rpi-"', 'loader.package: "u-boot-rpi-" is no package\'s name'),
+        ('package = "linux-image-arm64"', 'package = "a=1"', 'kernel.package: "a=1" is an invalid package\'s name'),
+        (
+            'package = "u-boot-rpi"',
+            'package = "u-boot-rpi-"',
+            'loader.package: "u-boot-rpi-" is an invalid package\'s name',
+        ),
         ('"ext4", "overlay"', '"ext4", "ext4"', 'kernel.modules: "ext4" is there twice'),
-        ('"ext4", "overlay"', '"ext4", "--all"', '"--all" is no module\'s name'),
-        ('"ext4", "overlay"', '"ext4", "a b"', '"a b" is no module\'s name'),
+        ('"ext4", "overlay"', '"ext4", "--all"', '"--all" is an invalid module\'s name'),
+        ('"ext4", "overlay"', '"ext4", "a b"', '"a b" is an invalid module\'s name'),
         (
             'folder = "usr/lib/raspi-firmware"',
             'folder = "/usr/lib"',
-            'firmware.folder: "/usr/lib" is no path in a pack',
+            'firmware.folder: "/usr/lib" is an invalid path in a pack',
         ),
-        ('folder = "broadcom"', 'folder = "../broadcom"', 'device_tree.folder: "../broadcom" is no path in a package'),
+        (
+            'folder = "broadcom"',
+            'folder = "../broadcom"',
+            'device_tree.folder: "../broadcom" is an invalid path in a package',
+        ),
         ('file = "usr/lib/u-boot', 'file = "usr/lib/../u-boot', "loader.file: "),
         (
             '"start.elf"',
             '"../start.elf"',
-            'firmware.files[1]: "../start.elf" is no file\'s name; give it without a folder',
+            'firmware.files[1]: "../start.elf" is an invalid file\'s name; give it without a folder',
         ),
-        ('"start.elf"', '"/start.elf"', 'firmware.files[1]: "/start.elf" is no file\'s name'),
-        ('"start.elf"', '""', 'firmware.files[1]: "" is no file\'s name'),
+        ('"start.elf"', '"/start.elf"', 'firmware.files[1]: "/start.elf" is an invalid file\'s name'),
+        ('"start.elf"', '""', 'firmware.files[1]: "" is an invalid file\'s name'),
         ('"start.elf"', '"bootcode.bin"', 'firmware.files: "bootcode.bin" is there twice; name it once'),
         ('"start.elf"', '"BOOTCODE.bin"', "there is another BOOTCODE.bin on the boot partition; leave it out"),
         ('"start.elf"', '"config.txt"', "there is another config.txt on the boot partition; leave it out"),
         ('"bcm2837-rpi-3-b.dtb"', '"bcm2837-rpi-3-b"', "device_tree.files[1]: "),
-        ('board = "quad"', 'board = "../quad"', 'device_tree.board: "../quad" is no board\'s name'),
+        ('board = "quad"', 'board = "../quad"', 'device_tree.board: "../quad" is an invalid board\'s name'),
         ('way = "dtc"', 'way = "dtb"', 'device_tree.way: "dtb" is not a choice; did you mean "dtc"?'),
         ("i2c = [1]", "i2c = [7]", "device_tree.i2c[0]: 7 is not a choice; known: 1, 3, 4, 5, 6"),
         ("i2c = [1]", "i2c = [2]", "device_tree.i2c[0]: 2 is not a choice; known: 1, 3, 4, 5, 6"),
@@ -112,11 +121,15 @@ def test_the_own_description_gives_the_own_board_what_it_asks_for():
         ("baud = 115200", "baud = -5", "console.baud: -5 is not a choice; known: 1200, 2400,"),
         ("baud = 115200", "baud = 0", "console.baud: 0 is not a choice"),
         ("baud = 115200", "baud = 115201", "console.baud: 115201 is not a choice; did you mean 115200?"),
-        ('device = "ttyS1"', 'device = "/dev/ttyS1"', 'console.device: "/dev/ttyS1" is no serial port\'s name'),
-        ('device = "ttyS1"', 'device = "ttyS1,9600 init=/bin/sh"', "is no serial port's name; give one as ttyS1"),
+        ('device = "ttyS1"', 'device = "/dev/ttyS1"', 'console.device: "/dev/ttyS1" is an invalid serial port\'s name'),
+        (
+            'device = "ttyS1"',
+            'device = "ttyS1,9600 init=/bin/sh"',
+            "is an invalid serial port's name; give one as ttyS1",
+        ),
         ("label_id = 0x43505401", "label_id = 0", "disk.label_id: 0 is out of range"),
         ("label_id = 0x43505401", "label_id = 0x1_0000_0000", "disk.label_id: 4294967296 is out of range"),
-        ("size_mib = 2048", "size_mib = 2000", "disk.size_mib: 2000 is no power of two"),
+        ("size_mib = 2048", "size_mib = 2000", "disk.size_mib: 2000 is not a power of two"),
         (
             "size_mib = 2048",
             "size_mib = -2048",
@@ -138,8 +151,12 @@ def test_the_own_description_gives_the_own_board_what_it_asks_for():
         ('kmod = "modules"', r'kmod = "a\u0007"', r'packages.install.kmod: "a\x07" has control characters'),
         ('kmod = "modules"', 'busybox-static = "twice"', "packages: busybox-static is in install and in unpack"),
         ('kmod = "modules"', 'kmod = ["modules"]', "packages.install.kmod: "),
-        ('kmod = "modules"', '"" = "modules"', 'packages.install: "" is no package\'s name; give one as apt has it'),
-        ('kmod = "modules"', r'"a\nb" = "modules"', r'packages.install: "a\nb" is no package'),
+        (
+            'kmod = "modules"',
+            '"" = "modules"',
+            'packages.install: "" is an invalid package\'s name; give one as apt has it',
+        ),
+        ('kmod = "modules"', r'"a\nb" = "modules"', r'packages.install: "a\nb" is an invalid package'),
         ("[base]", "[base", "line 4, column 6: "),
     ],
 )
@@ -155,13 +172,15 @@ def test_a_mistake_is_told_with_its_place_and_its_value(tmp_path: Path, old: str
     "sign", ['\\"', "'", "$", ";", "\\\\", "&", "|", "`", "#", r"\n", r"\u0000", r"\u007f", "ä", "@LABEL@"]
 )
 def test_a_command_line_has_nothing_that_the_boot_script_would_read(tmp_path: Path, sign: str):
-    with pytest.raises(ImageError, match=r"kernel\.command_line: .* is no command line; give at most 1024 letters"):
+    with pytest.raises(
+        ImageError, match=r"kernel\.command_line: .* is an invalid command line; give at most 1024 letters"
+    ):
         read(changed(tmp_path, "quiet loglevel=4", f"quiet {sign} loglevel=4"))
     read(changed(tmp_path, "quiet loglevel=4", "quiet memmap=64K@0x18000 a.b-c_d=e:f,g/h+50%~* loglevel=4"))
 
 
 def test_a_command_line_is_no_longer_than_a_kernel_takes(tmp_path: Path):
-    with pytest.raises(ImageError, match=r"kernel\.command_line: .* is no command line"):
+    with pytest.raises(ImageError, match=r"kernel\.command_line: .* is an invalid command line"):
         read(changed(tmp_path, "quiet", "q" * 1024))
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from image import disk
 from image.description import read
+from image.filesystem import disk
 
 PROJECT = Path(__file__).resolve().parents[2]
 OWN = read(PROJECT / "image/image.toml")

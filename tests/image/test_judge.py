@@ -1,4 +1,4 @@
-"""What becomes of a slot once its station was looked at: the script of the image, over counters in a file."""
+"""Verdict on a slot on trial: the image's script, over counters."""
 
 import os
 import subprocess
@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from image import root, state
-from image.state import State
+from board.runtime import boot_counters
+from board.runtime.boot_counters import State
+from image.parts import root
 
 SCRIPTS = root.OVERLAY / "usr/lib/captain-image"
 WELL = {"EXIT_CODE": "exited", "EXIT_STATUS": "0", "SERVICE_RESULT": "success"}
@@ -39,7 +40,7 @@ class Box:
 
     def run(self, script: str, slot: str, before: State, ended: dict[str, str] | None = None, *words: str) -> State:
         """The counters afterwards."""
-        octets = state.packed(before, 7).ljust(state.APART, b"\0") + state.packed(before, 6)
+        octets = boot_counters.packed(before, 7).ljust(boot_counters.APART, b"\0") + boot_counters.packed(before, 6)
         self._state.write_bytes(octets.ljust(8 << 20, b"\0"))
         self._cmdline.write_text(f"console=x root=PARTUUID=43505401-02 ro {slot and f'rauc.slot={slot}'} quiet\n")
         text = (SCRIPTS / script).read_text()
@@ -49,7 +50,7 @@ class Box:
         made.write_text(text)
         environment = {"PATH": f"{self.folder}/bin:{os.environ['PATH']}", **(ended or {})}
         self.ended = subprocess.run(["sh", made, *words], env=environment, capture_output=True, text=True, check=False)
-        found = state.newest(self._state.read_bytes())
+        found = boot_counters.newest(boot_counters.copies_in(self._state.read_bytes()))
         assert found is not None
         return found
 
@@ -99,7 +100,7 @@ def test_a_new_slot_that_is_not_well_restarts_and_its_tries_stay_used(box: Box, 
     before = State(BA, 3, 1, "B")
     assert box.run("judge", "B", before, ended) == before
     assert box.is_restarting
-    assert "slot B was just updated and is not well" in box.said
+    assert "slot B is on trial and failed" in box.said
 
 
 @pytest.mark.parametrize("ended", [FAILED, HUNG])
@@ -111,7 +112,7 @@ def test_a_slot_that_was_well_before_stays_and_is_never_restarted(
     # Else three starts with a station that is not well would bring the other slot, which mends nothing.
     assert box.run("judge", "A", State(a_left=0, new=new, again=again), ended) == State(new=new)
     assert not box.is_restarting
-    assert "slot A was well before, and stays" in box.said
+    assert "slot A is known good and stays" in box.said
     assert box.judged == "not well\n"
 
 
@@ -133,18 +134,18 @@ def test_a_new_slot_from_which_nothing_is_heard_is_left_and_an_old_one_is_not(bo
 
 def test_the_old_slot_says_that_the_new_one_did_not_get_well(box: Box):
     assert box.run("judge", "A", State(BA, 2, 0, "B"), WELL) == State(BA, 3, 0, "B")
-    assert "slot B was updated and did not get well" in box.said
+    assert "slot B failed its trial" in box.said
 
 
 def test_a_slot_whose_power_went_away_three_times_before_it_was_up_is_tried_again(box: Box):
     # It has been well before: nobody has updated it.
     assert box.run("judge", "B", State(a_left=0, b_left=2), WELL) == State(a_left=1, b_left=3, again="A")
-    assert "slot A has used its tries up and was well before: the next start tries it once more" in box.said
+    assert "slot A has no tries left and was known good: the next start tries it once more" in box.said
 
 
 def test_a_slot_that_was_tried_once_more_in_vain_comes_first_no_more(box: Box):
     assert box.run("judge", "B", State(a_left=0, b_left=2, again="A"), WELL) == State(BA, 0, 3)
-    assert "slot A was tried once more and is not well: slot B comes first from now on" in box.said
+    assert "slot A failed once more: slot B comes first from now on" in box.said
 
 
 def test_a_slot_that_was_well_when_it_was_tried_once_more_may_be_so_again(box: Box):
@@ -176,7 +177,7 @@ def test_a_slot_that_has_not_been_well_yet_does_not_overwrite_the_last_good_one(
     before = State(BA, 3, 2, slot)
     assert box.run("before-install", slot, before, None) == before
     assert box.ended.returncode == 1
-    assert f"slot {slot} was just updated and has not been well yet" in box.ended.stderr
+    assert f"slot {slot} is on trial" in box.ended.stderr
 
 
 def test_a_slot_that_did_not_get_well_may_be_written_again(box: Box):

@@ -1,4 +1,4 @@
-"""What is laid over Debian's userland: files that agree with each other and with the description."""
+"""Overlay of Debian's userland: consistent with itself and the description."""
 
 import configparser
 import os
@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from firmware import config
-from image import accounts, root
+from firmware.config import captain_toml
 from image.description import read
-from image.tree import Tree
-from pps import chrony_configuration
+from image.filesystem.tree import Tree
+from image.parts import accounts, root
+from pps.chrony import configuration
 
 PROJECT = Path(__file__).resolve().parents[2]
 OVERLAY = root.OVERLAY
@@ -84,9 +84,9 @@ def test_no_station_listens_where_the_firewall_has_failed():
 
 
 def test_the_stations_own_configuration_is_one_it_takes():
-    loaded = config.load(OVERLAY / "etc/captain/captain.toml", [], OWN.device_tree.board)
+    loaded = captain_toml.load(OVERLAY / "etc/captain/captain.toml", [], OWN.device_tree.board)
     assert loaded.tables.endpoint.address == "::"
-    assert loaded.tables.time.chrony == chrony_configuration.SOCKET
+    assert loaded.tables.time.chrony == configuration.SOCKET
 
 
 def test_only_what_the_readme_lists_may_come_in():
@@ -219,7 +219,7 @@ def test_a_date_that_was_wrong_is_kept_until_chrony_steers_the_clock(tmp_path: P
 def test_the_early_boot_and_chrony_agree_where_the_drift_lies_and_which_journal_tells_the_time():
     drift = (OVERLAY / "usr/lib/captain-image/keep-clock").read_text().partition("drift=")[2].split()[0]
     assert "/data/chrony     /var/lib/chrony " in (OVERLAY / "etc/fstab").read_text()
-    assert f"driftfile {{state}}/{Path(drift).name}" in Path(str(chrony_configuration.__file__)).read_text()
+    assert f"driftfile {{state}}/{Path(drift).name}" in Path(str(configuration.__file__)).read_text()
     # A closed journal of a date that was wrong stays for months.
     assert "$kept/journal/*/system.journal;" in (PROJECT / "image/early/init").read_text()
 

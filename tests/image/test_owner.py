@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from image import root
-from tests.firmware.box.conftest import KEY, write
+from image.parts import root
+from tests.firmware.card.conftest import KEY, write
 
 OVERLAY = root.OVERLAY
 BLINK = OVERLAY / "usr/lib/captain-image/blink"
@@ -81,7 +81,7 @@ def test_a_set_is_laid_over_though_the_next_one_takes_too_long_to_be_looked_at(b
     (box.root / "etc/hostname").unlink()
     write(card, {"box.toml": 'host_name = "rsu-8"\n'})
     said = box.start(SLOW=slow)
-    assert said == ["the owner's files were not looked through: it took too long; those of before stay"]
+    assert said == ["the owner's files were not checked: it took too long; the last accepted set stays in force"]
     assert box.has("blinked") == "2\n"
     assert box.has("etc/hostname") == "rsu-7\n"
 
@@ -113,8 +113,8 @@ def test_a_later_set_with_a_mistake_is_told_at_each_start_and_the_one_before_sta
     write(card, {"box.toml": 'host_name = "rsu_8"\n'})
     for _ in range(2):
         said = box.start()
-        assert said[0].startswith("the owner's files are NOT taken, for 1 mistake; those of before stay in force")
-        assert said[1].startswith('box.toml:1: host_name: "rsu_8" is no host name')
+        assert said[0].startswith("the owner's files are REJECTED, for 1 mistake; the last accepted set stays in force")
+        assert said[1].startswith('box.toml:1: host_name: invalid host name: "rsu_8"')
         assert box.has("blinked") == "2\n"
         assert box.has("etc/hostname") == "rsu-7\n"
     assert box.looks == 2
@@ -131,7 +131,7 @@ def test_a_card_that_cannot_be_read_changes_nothing(box: Box):
     write(box.root / "boot/firmware", {"box.toml": 'host_name = "rsu-7"\n', "authorized_keys": KEY})
     box.start()
     (box.root / "no-card").touch()
-    assert box.start() == ["the boot partition cannot be read: the owner's files of before stay in force"]
+    assert box.start() == ["the boot partition cannot be read: the last accepted set stays in force"]
     assert box.has("blinked") == "3\n"
     assert box.has("etc/hostname") == "rsu-7\n"
 
@@ -147,7 +147,7 @@ def test_data_that_takes_nothing_is_told_and_the_box_goes_on(box: Box):
     box.root.joinpath("bin/mkdir").write_text('#!/bin/sh\nexec /bin/mkdir "$@" 2>/dev/null\n')
     box.root.joinpath("bin/mkdir").chmod(0o755)
     said = box.start()
-    assert said[0].startswith("the owner's files were not looked through: captain: ")
+    assert said[0].startswith("the owner's files were not checked: captain: ")
     assert box.has("blinked") == "2\n"
 
 
@@ -163,4 +163,4 @@ def test_a_machine_without_such_an_led_goes_on(tmp_path: Path):
     ended = subprocess.run(
         ["sh", BLINK, "3"], env={**os.environ, "LEDS": str(tmp_path)}, capture_output=True, check=False
     )
-    assert (ended.returncode, ended.stderr) == (0, b"there is no ACT LED to blink 3 at\n")
+    assert (ended.returncode, ended.stderr) == (0, b"no ACT LED: code 3 is not shown\n")

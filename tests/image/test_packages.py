@@ -1,4 +1,4 @@
-"""Where packages come from: Debian's archive, and one beside it."""
+"""Sources of packages: Debian's archive, and a second one."""
 
 import dataclasses
 import re
@@ -49,10 +49,10 @@ def test_sites_are_told_apart_by_their_suites(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_keys_that_are_missing_are_named():
-    with pytest.raises(ImageError, match=r"^base.keyring: /no/keys: there is no such file"):
+    with pytest.raises(ImageError, match=r"^base.keyring: /no/keys: not found"):
         sources(dataclasses.replace(DEBIAN, keyring="/no/keys"), {})
     missing = dataclasses.replace(DEBIAN, beside=(OTHER, dataclasses.replace(OTHER, keyring="/no/keys")))
-    with pytest.raises(ImageError, match=r"^base.beside\[1\].keyring: /no/keys: there is no such file"):
+    with pytest.raises(ImageError, match=r"^base.beside\[1\].keyring: /no/keys: not found"):
         sources(missing, {})
 
 

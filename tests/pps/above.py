@@ -1,8 +1,8 @@
-"""Who hears of pulses, in the tests of their sources."""
+"""Listener of pulses for tests of their sources."""
 
 from collections.abc import Callable
 
-from board.errors import InterfaceError
+from board.runtime.errors import InterfaceError
 from pps.pulse import Pulse
 
 

@@ -12,11 +12,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Self
 
-from board.child import die_with_parent
-from board.journal import Journal
-from board.time import EPOCH, LEAPS, LeapEvent
-from pps.chrony import Refclock
-from pps.chrony_tracking import Tracking, tracking
+from board.runtime.child import die_with_parent
+from board.runtime.journal import Journal
+from board.time.scales import EPOCH, LEAPS, LeapEvent
+from pps.chrony.feed import Refclock
+from pps.chrony.tracking import Tracking, tracking
 from pps.pulse import Clocks, pulse_at, read_clocks
 
 PATIENCE = 10.0  # s; reached only by a test that fails

@@ -1,10 +1,10 @@
-"""A real chronyd with the configuration that is written for the image, fed a sample per second, its clock 20 times faster.
+"""Real chronyd with the image's configuration, its clock 20 times faster.
 
 usage: python -m tests.pps.chronyd_check [--rate 20] [--seed 1] [--refclock "poll 3 filter 8"]
 
-The truth wanders as an oscillator does, stamps have noise, one pulse in 50 is late, and the clock is off by half a
-millisecond twice. Prints what was seen beside its goal; ends with 1 when one is not met. With --rate 1 chronyd's clock
-is the machine's, and it takes 20 times as long: eleven minutes.
+The truth wanders as an oscillator does, and stamps have noise. One pulse in 50 is late, and the clock is off by half
+a millisecond twice. Prints each result beside its goal; ends with 1 if a goal is missed. With --rate 1 chronyd's
+clock is the machine's, and it takes 20 times as long: eleven minutes.
 """
 
 import argparse
@@ -20,13 +20,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from board.time import EPOCH, LEAPS, LeapEvent
-from firmware.user.table import Screen
-from pps.chrony import Fate
-from pps.chrony_configuration import refclock
-from pps.chrony_tracking import Tracking
-from tests.chaos.run import Goal, summary
+from board.time.scales import EPOCH, LEAPS, LeapEvent
+from firmware.client.show.table import Screen
+from pps.chrony.configuration import refclock
+from pps.chrony.feed import Fate
+from pps.chrony.tracking import Tracking
 from tests.pps.chronyd import Chronyd, Feeder, event, shift_to
+from tests.proof.chaos.run import Goal, summary
 
 NOISE_NS = 1_000  # standard deviation of a stamp on a Pi 4 (rascol/PPS-Client: 0.6 us and more)
 LATE_NS = 30_000  # on average, of the pulses that an interrupt in progress holds up

@@ -1,8 +1,8 @@
-"""A running captain between its simulated receiver and a real chronyd, while the clock that it sees is stepped.
+"""Station between simulated receiver and real chronyd, with clock steps.
 
-`captain run --board sim` at its own pace: pulses, messages of the receiver, the socket and chronyc are what a user has.
-libfaketime steps the station's system clock by half a millisecond forth and back; the oscillator, the receiver and
-chronyd go on. Prints what was seen beside its goal; ends with 1 when one is not met. A minute and a half.
+`captain run --board sim` runs in real time. Its pulses, receiver, socket and chronyc are those of a
+user. libfaketime steps the station's system clock by half a millisecond forth and back. The oscillator, the receiver
+and chronyd go on. Prints each result beside its goal; ends with 1 if a goal is missed. A minute and a half.
 """
 
 import argparse
@@ -15,10 +15,10 @@ from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from firmware.user.table import Screen
-from pps.chrony_tracking import Tracking
-from tests.chaos.run import Goal, summary
+from firmware.client.show.table import Screen
+from pps.chrony.tracking import Tracking
 from tests.pps.chronyd import ROOT, Chronyd
+from tests.proof.chaos.run import Goal, summary
 from tests.system.ports import Ports
 from tests.system.station import Station
 

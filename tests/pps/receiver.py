@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from board.time import EPOCH, GPS_LEAD, GPS_LEAPS, Fix, LeapEvent, TimeMark
+from board.time.scales import EPOCH, GPS_LEAD, GPS_LEAPS, Fix, LeapEvent, TimeMark
 from pps.pulse import Pulse
 from pps.statements import WEEK_S
 from pps.timemark import Event, Pairing, Second

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from board.journal import Journal
-from board.leaps import LIST
-from board.time import LeapEvent
-from pps.chrony import Fate
-from pps.chrony_configuration import access, configuration, refclock
-from pps.chrony_tracking import Tracker
+from board.runtime.journal import Journal
+from board.time.leaps import LIST
+from board.time.scales import LeapEvent
+from pps.chrony.configuration import access, configuration, refclock
+from pps.chrony.feed import Fate
+from pps.chrony.tracking import Tracker
 from tests.pps.chronyd import PROGRAM, Chronyd, Feeder, event, shift_to
 from tests.virtual import VirtualLoop
 
@@ -113,11 +113,11 @@ def test_it_is_found_again_when_it_was_started_again(chronyds: Chronyds, caplog:
 
     lines = [record.message.split(": ", 2)[2] for record in caplog.records]
     assert [line.split(" (")[0].split(":")[0] for line in lines] == [
-        "chronyd takes samples",
-        "chronyd is not fed",
-        "chronyd takes samples",
-        "chronyd is not fed",
-        "chronyd takes samples",
+        "chronyd accepts samples",
+        "chronyd gets no samples",
+        "chronyd accepts samples",
+        "chronyd gets no samples",
+        "chronyd accepts samples",
     ]
 
 

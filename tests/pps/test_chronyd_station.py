@@ -1,7 +1,7 @@
-"""The station's whole way of time, in virtual time, in front of a real chronyd.
+"""Time path of a station in virtual time, with a real chronyd.
 
-Pulses, announcements and epochs go in; what comes out of the station's end of the socket is given to chronyd with its
-offset as it is and with a stamp of its own moment: minutes of the station are part of a second of chronyd.
+Pulses, announcements and epochs go in. Samples from the station's end of the socket go to chronyd with their offset,
+and with a stamp of its own moment. So minutes of the station are part of a second of chronyd.
 """
 
 import socket
@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from board.time import LeapEvent
-from firmware.own_time import OwnTime
-from firmware.pulsed_time import PulsedTime
+from board.time.scales import LeapEvent
+from firmware.clock.own_time import OwnTime
+from firmware.clock.pulsed_time import PulsedTime
 from pps.pulse import Clocks, Pulse
 from tests.pps.chronyd import STAMPED_AGO_NS, Chronyd, shift_to
 from tests.pps.receiver import LEAPS, MONOTONIC, RAW_NS, START, Said, fix, mark, pulse, unix_s

@@ -5,7 +5,8 @@ from functools import cache
 
 import pytest
 
-from pps import chrony, timemark
+from pps import timemark
+from pps.chrony import feed
 from pps.quality import Estimator
 from pps.refused import Why
 from tests.pps.days.__main__ import HEADS, Played, play, row
@@ -90,7 +91,7 @@ def test_good_pulses_that_are_refused_are_counted():
 
 
 def test_samples_of_a_clock_that_was_stepped_since_are_seen(monkeypatch):
-    monkeypatch.setattr(chrony, "STEP_NS", 10**12)
+    monkeypatch.setattr(feed, "STEP_NS", 10**12)
     steps = tuple(Trouble(at, 1, Kind.STEP, 0.002) for at in range(100, 900, 20))
     assert played(*steps, seconds=900).misled > 5
 

@@ -5,8 +5,8 @@ from random import Random
 
 import pytest
 
-from board.errors import RequestError
-from board.time import Lock, TimeQuality
+from board.runtime.errors import RequestError
+from board.time.scales import Lock, TimeQuality
 from pps.delay import Delay, Stamp, one_way
 from pps.sim.oscillator import START_NS
 from pps.sim.temperature import Temperature, engine, fan

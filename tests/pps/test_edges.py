@@ -7,7 +7,7 @@ import pytest
 
 from board.description import LineDescription
 from board.edges import BUFFER
-from board.errors import InterfaceError
+from board.runtime.errors import InterfaceError
 from pps.edges import SILENT_S, Edges
 from pps.pulse import OLDEST_NS, REST_S, STORM_NS, Clocks, Pulse
 from tests.board.gpio import Clock, Edge, Gpio

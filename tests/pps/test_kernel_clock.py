@@ -1,4 +1,4 @@
-"""What adjtimex says, field by field."""
+"""Answer of adjtimex, field by field."""
 
 import subprocess
 from pathlib import Path

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from board.leaps import BUILT_IN
-from board.time import Fix, FixKind, LeapEvent, Lock, TimeQuality
+from board.time.leaps import BUILT_IN
+from board.time.scales import Fix, FixKind, LeapEvent, Lock, TimeQuality
 from pps.messages import MOST_NS
 from pps.model import CRYSTAL_PPB
 from pps.quality import Estimator

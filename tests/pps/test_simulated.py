@@ -1,4 +1,4 @@
-"""Simulated pulses: at whole seconds of whatever is true, as exact as its clocks, and as bad as they are told to be."""
+"""Simulated pulses: at whole seconds of true time, with chosen errors."""
 
 import random
 from itertools import pairwise

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from board.time import LeapEvent
+from board.time.scales import LeapEvent
 from pps.refused import MEANING, Refused, Why
 from pps.timemark import RELABEL_S, Acquired, Pairing, Second
 from tests.pps.receiver import (

@@ -9,11 +9,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from image.errors import ImageError
-from image.programs import PROCESSORS, SUMS
+from image.program.programs import PROCESSORS, SUMS
 from image.project import version
-from tests.image.rows import Row, keep
 from tests.programs import forms
 from tests.programs.debian import PROJECT, Debian
+from tests.proof.image.rows import Row, keep
 
 MADE = PROJECT / "build/programs"
 RESULTS = PROJECT / "build/programs-test/results.json"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from image import description
 from image.packages import Archive, write_index
-from image.program import run
+from image.tool import run
 
 PROJECT = Path(__file__).resolve().parents[2]
 # Their own copy of apt's lists and packages, kept for the next run.

@@ -3,9 +3,10 @@
 import zlib
 from pathlib import Path
 
-from image import archives, deb, layers
-from image.program import run
-from tests.image.rows import Row
+from image.program import deb
+from image.program.contents import archives, layers
+from image.tool import run
+from tests.proof.image.rows import Row
 
 FLOOR = "2.36"  # GLIBC of Debian 12, which Raspberry Pi OS Bookworm is made of
 ELF = b"\x7fELF"

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from image import archives, layers
 from image.errors import ImageError
+from image.program.contents import archives, layers
 from tests.programs import forms
 
 SOURCE = '#include <stdio.h>\nint f(void);\nint f(void) { return puts("x"); }\nint main(void) { return f(); }\n'

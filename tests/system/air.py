@@ -1,7 +1,7 @@
-"""The far end of a udp interface: a plain socket, with the frames of each framing laid out by hand.
+"""Far end of a udp interface: a socket with frames built by hand.
 
-The headers are those that Vanetza's socktap puts on the air (tests/captures/frames.json): Ethernet 14 octets,
-GeoNetworking basic header 4, common header 8, single hop extension 28, BTP-B 4.
+The headers are those of Vanetza's socktap (tests/captures/frames.json). In octets: Ethernet 14, GeoNetworking basic
+header 4, common header 8, single hop extension 28, BTP-B 4.
 """
 
 import socket
@@ -18,14 +18,14 @@ BEACON = 0x10
 
 
 class Heard(NamedTuple):
-    """A datagram of the station: BTP port, None where the framing has none, and the PDU."""
+    """Datagram from the station: BTP port and PDU. The port is None if the framing has none."""
 
     port: int | None
     pdu: bytes
 
 
 class Air:
-    """A peer of one udp interface. `table` is what captain.toml says of that interface."""
+    """Peer of a udp interface. `table` is the table of that interface in captain.toml."""
 
     def __init__(self, framing: str, station_port: int) -> None:
         self.framing = framing
@@ -35,7 +35,6 @@ class Air:
         self.socket.settimeout(PATIENCE)
         self.port: int = self.socket.getsockname()[1]
         self.station = ("127.0.0.1", station_port)
-        self.beacons = 0
 
     @property
     def table(self) -> Table:
@@ -47,19 +46,18 @@ class Air:
         }
 
     def throw(self, octets: bytes) -> None:
-        """A datagram as it is."""
+        """Send a datagram unchanged."""
         self.socket.sendto(octets, self.station)
 
     def send(self, pdu: bytes, port: int = 2001) -> None:
-        """A PDU in this interface's framing."""
+        """Send a PDU in the framing of this interface."""
         self.throw(framed(self.framing, pdu, port))
 
     def hear(self) -> Heard:
-        """The next datagram of the station that carries a PDU."""
+        """Return the next datagram from the station that carries a PDU."""
         while True:
             octets = self.socket.recv(65536)
             if self.framing == "ethernet" and octets[19] == BEACON:
-                self.beacons += 1
                 continue
             return unframed(self.framing, octets)
 
@@ -87,7 +85,7 @@ def unframed(framing: str, octets: bytes) -> Heard:
 
 
 def single_hop(pdu: bytes, port: int = 2001, source: bytes = NEIGHBOUR, stamp: int = 0x2D2B4543) -> bytes:
-    """An Ethernet frame with a GeoNetworking single hop broadcast, as an ITS-G5 neighbour sends it."""
+    """Return an Ethernet frame with a GeoNetworking single-hop broadcast, as an ITS-G5 neighbour sends it."""
     ethernet = b"\xff" * 6 + source + GEONETWORKING.to_bytes(2, "big")
     basic = bytes((0x11, 0, 0x1A, 1))  # version 1, common header next; 60 s; one hop
     length = struct.pack(">H", len(pdu) + 4)

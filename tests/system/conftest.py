@@ -1,4 +1,4 @@
-"""Fixtures that start stations: one for each module that shares it, or one for a test that spoils it."""
+"""Fixtures that start stations: shared by a module, or for a single test."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping
@@ -18,7 +18,7 @@ __all__ = ["brokers", "brokers_shared", "certificates"]  # fixtures
 
 
 class Bench(NamedTuple):
-    """A station on a bench: the far ends of its interfaces, and a user that has joined."""
+    """Running station with the far ends of its interfaces and a connected user."""
 
     station: Station
     airs: dict[str, Air]
@@ -30,7 +30,7 @@ class Bench(NamedTuple):
         return next(iter(self.airs.values()))
 
     def settled(self) -> "Bench":
-        """Without what an earlier test left unread."""
+        """Return this bench after discarding messages that an earlier test left unread."""
         self.user.send(b"v2x.cam.", sent := mark())
         while self.air.hear().pdu != sent:
             pass
@@ -40,7 +40,7 @@ class Bench(NamedTuple):
 
 
 class Launcher:
-    """Starts stations with udp interfaces and ends them all, each of which must end well."""
+    """Launcher of stations with udp interfaces. At the end it stops them all and checks that each ends normally."""
 
     def __init__(self, folder: Callable[[], Path]) -> None:
         self._folder = folder
@@ -50,7 +50,7 @@ class Launcher:
         self._stations: list[Station] = []
 
     def station(self) -> Station:
-        """One that is neither configured nor started."""
+        """Return a station that is neither configured nor started."""
         station = Station(self._folder(), self._ports)
         self._stations.append(station)
         return station
@@ -59,7 +59,7 @@ class Launcher:
         return self._ports.take()
 
     def at_end(self, close: Callable[[], None]) -> None:
-        """To be done when all stations have ended."""
+        """Register a function to call after all stations have ended."""
         self._closing.append(close)
 
     def air(self, framing: str) -> Air:
@@ -68,7 +68,7 @@ class Launcher:
         return air
 
     def user(self, station: Station) -> User:
-        """A further user; not joined."""
+        """Return a further user, which is not connected yet."""
         user = User(self._context, station)
         self.at_end(user.close)
         return user
@@ -82,12 +82,13 @@ class Launcher:
         more: str = "",
         **tables: Any,
     ) -> Bench:
-        """A running station, joined through the first interface.
+        """Return a running station with a user, connected through the first interface.
 
-        framing     of its one interface, g5; or
-        interfaces  name -> framing of each.
-        options     name -> further keys of that interface.
-        more, tables  the rest of captain.toml.
+        framing     framing of the only interface, g5; or else
+        interfaces  framing of each interface, by name.
+        options     further keys of each interface, by name.
+        more        further text of captain.toml.
+        tables      further tables of captain.toml, by name.
         """
         airs = {name: self.air(kind) for name, kind in (interfaces or {"g5": framing}).items()}
         rows = {name: dict(air.table) | dict((options or {}).get(name, {})) for name, air in airs.items()}
@@ -151,37 +152,37 @@ def shared_legacy(launch_shared: Launcher) -> Bench:
 
 @pytest.fixture
 def pdu(shared_pdu: Bench) -> Bench:
-    """A station with one interface of framing pdu, shared by the tests of a module."""
+    """Return a station with one interface of framing pdu, shared by the tests of a module."""
     return shared_pdu.settled()
 
 
 @pytest.fixture
 def btp(shared_btp: Bench) -> Bench:
-    """Framing btp, shared."""
+    """Return a shared station with framing btp."""
     return shared_btp.settled()
 
 
 @pytest.fixture
 def ethernet(shared_ethernet: Bench) -> Bench:
-    """Framing ethernet, shared."""
+    """Return a shared station with framing ethernet."""
     return shared_ethernet.settled()
 
 
 @pytest.fixture
 def legacy(shared_legacy: Bench) -> Bench:
-    """Framing btp, the legacy profile, shared."""
+    """Return a shared station with framing btp and profile legacy."""
     return shared_legacy.settled()
 
 
 @pytest.fixture(scope="session")
 def frames() -> dict[str, bytes]:
-    """Frames of an independent station, by name."""
+    """Return frames of an independent station, by name."""
     rows = json.loads((ROOT / "tests" / "captures" / "frames.json").read_text())["frames"]
     return {row["name"]: bytes.fromhex(row["hex"]) for row in rows}
 
 
 @pytest.fixture(scope="session")
 def vectors() -> list[dict[str, Any]]:
-    """The twelve messages that travel in tests, demo and lab."""
+    """Return the twelve messages that tests, demo and lab send."""
     rows: list[dict[str, Any]] = json.loads((ROOT / "firmware" / "vectors.json").read_text())
     return [row | {"pdu": bytes.fromhex(row["hex"])} for row in rows]

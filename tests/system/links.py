@@ -1,4 +1,4 @@
-"""The far ends of every kind of interface that carries messages: each speaks its wire by hand, and hears it."""
+"""Links: far ends of each kind of interface, with wire protocols by hand."""
 
 import os
 import socket
@@ -17,7 +17,7 @@ from zlib import crc32
 import zmq
 
 from drivers.message import NO_RX_INFO
-from drivers.sim.radio import VARIABLE
+from drivers.sim.radio.control import VARIABLE
 from drivers.wire import morse, raw
 from tests.broker.client import Client
 from tests.system.air import BEACON, GEONETWORKING, Air, single_hop, unframed
@@ -28,12 +28,13 @@ LONGEST = 1500
 
 
 class Link(Protocol):
-    """One far end.
+    """Far end of an interface.
 
-    table        of captain.toml for the interface; endpoint: what its [endpoint] has for it.
-    environment  of the station's process.
-    longest      octets of a PDU.
-    way_in       options of `captain replay` that lead to this interface; empty where it takes no frames.
+    table        table of the interface in captain.toml.
+    endpoint     keys of [endpoint] in captain.toml that the interface needs.
+    environment  environment variables of the station's process.
+    longest      octets of the longest PDU.
+    way_in       options of `captain replay` that send to this interface; empty if it accepts no frames.
     """
 
     table: Table
@@ -44,13 +45,13 @@ class Link(Protocol):
 
     def send(self, pdu: bytes, port: int = 2001) -> None: ...
     def hear(self) -> bytes:
-        """The next PDU from the station."""
+        """Return the next PDU from the station."""
 
     def close(self) -> None: ...
 
 
 class Plain:
-    """What most have."""
+    """Defaults of most links."""
 
     def __init__(self, table: Table, way_in: Sequence[str] = ()) -> None:
         self.table = table
@@ -61,7 +62,7 @@ class Plain:
 
 
 class InTheAir(Plain):
-    """A peer that sends and hears datagrams."""
+    """Peer that sends and receives datagrams."""
 
     def __init__(self, air: Air, table: Table, way_in: Sequence[str]) -> None:
         super().__init__(table, way_in)
@@ -78,14 +79,14 @@ class InTheAir(Plain):
 
 
 class Datagrams(InTheAir):
-    """A peer of a udp interface."""
+    """Peer of a udp interface."""
 
     def __init__(self, air: Air) -> None:
         super().__init__(air, air.table, ["--udp", "{}:{}".format(*air.station), "--framing", air.framing])
 
 
 class Radio(InTheAir):
-    """Another station on the air of a simulated SOM301-E."""
+    """Another station in range of a simulated SOM301-E."""
 
     def __init__(self, library: str, port: int, control: int) -> None:
         air = Air("ethernet", port)
@@ -95,7 +96,7 @@ class Radio(InTheAir):
 
 
 class Broker(Plain):
-    """A client of the broker that a station is connected to."""
+    """Client of the broker to which the station is connected."""
 
     def __init__(self, observer: Client, table: Table) -> None:
         super().__init__(table)
@@ -113,7 +114,7 @@ class Broker(Plain):
 
 
 class Serial(Plain):
-    """A pty: 56 32, length, BTP port, PDU, CRC-32 over what stands between. It reads always, as a serial line does."""
+    """Serial line, as a pty. Frames: 56 32, length, BTP port, PDU, CRC-32 of the octets between. It always reads."""
 
     def __init__(self) -> None:
         self._end, self._station = os.openpty()
@@ -146,7 +147,7 @@ class Serial(Plain):
 
 
 class Whistle(Plain):
-    """Directories with sound files."""
+    """Directories with sound files, for the interface `morse`."""
 
     UNIT_MS = 5
 
@@ -170,7 +171,7 @@ class Whistle(Plain):
         while not (found := sorted(self._speak.glob("*.wav"))):
             assert time.monotonic() < end, "nothing was spoken"
             time.sleep(BETWEEN)
-        ear = morse.Ear()
+        ear = morse.ToneDecoder()
         ear.receive(found[0].read_bytes())
         found[0].unlink()
         pdu = morse.decode(ear.end())
@@ -181,7 +182,7 @@ class Whistle(Plain):
 
 
 class Process(Plain):
-    """An interface process: RawRxMessages in, envelope and PDU out."""
+    """Interface process: publishes RawRxMessages to the station, receives envelopes and PDUs."""
 
     def __init__(self, folder: Path) -> None:
         into, out = f"ipc://{folder}/in", f"ipc://{folder}/out"
@@ -207,7 +208,7 @@ class Process(Plain):
 
 
 class Device(Plain):
-    """The other end of a virtual Ethernet cable, which it lays: in a network namespace of the program's own."""
+    """Other end of a virtual Ethernet link, which it creates in this process's own network namespace."""
 
     def __init__(self, name: str) -> None:
         there = f"{name}-peer"

@@ -1,24 +1,25 @@
-"""Ports of loopback that no other test, and no program on this machine, is given while they are held."""
+"""Ports of loopback that are reserved for a test while they are held."""
 
 import random
 import socket
 
-from board.free_udp import choice
+from board.runtime.free_udp import choice
 
 
 class Ports:
-    """TCP ports, kept by sockets that are bound and never listen.
+    """Reserved TCP ports, held by sockets that are bound and never listen.
 
-    Bound without SO_REUSEADDR, so that nobody else is given the port; the option is set afterwards, so that the
-    station, whose sockets do carry it, may listen there all the same. UDP has no such way: a socket that keeps the port
-    would hear in the station's place. So the ports are none of those that the kernel gives to programs.
+    The sockets are bound without SO_REUSEADDR, so that the kernel gives the port to no other program. Afterwards the
+    option is set, so that the station, whose sockets have it as well, can listen at the port. UDP ports cannot be held
+    like this, because the holding socket would receive the station's datagrams. The ports are therefore outside of the
+    range from which the kernel chooses ports for programs.
     """
 
     def __init__(self) -> None:
         self._held: list[socket.socket] = []
 
     def take(self) -> int:
-        """A TCP port whose number is free for UDP as well."""
+        """Reserve a TCP port whose number is free for UDP as well."""
         ports = choice()
         while True:
             port = random.choice(ports)
@@ -35,7 +36,7 @@ class Ports:
 
 
 def is_free(port: int) -> bool:
-    """Whether nobody has it, for TCP or UDP, or holds it."""
+    """Return True if no socket is bound to the port, neither TCP nor UDP."""
     return _is_free(port, socket.SOCK_STREAM) and _is_free(port, socket.SOCK_DGRAM)
 
 

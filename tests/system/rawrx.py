@@ -1,8 +1,8 @@
-"""RawRxMessage read bit by bit, from section 3 of the contract and from nothing of the station's own code."""
+"""RawRxMessage decoder for tests, by section 3 of the contract, without the station's code."""
 
 from typing import Any
 
-# UPER, unaligned: each field has the width of its range and stands as its distance from the lower bound.
+# UPER, unaligned: each field has as many bits as its range needs, and contains its distance from the lower bound.
 SIGNED_32 = (32, -(1 << 31))
 POSITION = (("latitude", *SIGNED_32), ("longitude", *SIGNED_32))
 TIME = (("sec", *SIGNED_32), ("usec", *SIGNED_32))
@@ -28,7 +28,7 @@ OVERHEAD = 74  # octets, without localInfo
 
 
 def decode(octets: bytes) -> dict[str, Any]:
-    """Every field by name; `local` is None or its own dict, `pdu` the payload. What is left must be padding."""
+    """Return all fields by name: `local` is None or a dict, `pdu` the payload. Check that the rest is padding."""
     bits = _Bits(octets)
     has_local, has_payload = bits.take(1), bits.take(1)
     local = _fields(bits, TIME + POSITION) if has_local else None

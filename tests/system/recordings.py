@@ -1,4 +1,4 @@
-"""A station that hears messages by links of any kind, the recordings of it, and what they are worth."""
+"""Recordings of a station with links of any kind, and their comparison with the original."""
 
 import json
 import signal
@@ -9,9 +9,9 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from board.errors import ProtocolError
-from firmware.codec import capture
-from firmware.codec.pcapng import Direction
+from board.runtime.errors import ProtocolError
+from firmware.recordings import capture
+from firmware.recordings.pcapng import Direction
 from tests.system.conftest import Bench
 from tests.system.links import Link
 from tests.system.station import BETWEEN, PATIENCE, PROGRAM, ROOT, Station
@@ -22,13 +22,13 @@ VECTORS = [
     (bytes.fromhex(row["hex"]), PORTS[row["type"]])
     for row in json.loads((ROOT / "firmware" / "vectors.json").read_text())
 ]
-NOT_OF_THE_MESSAGE = ("sec", "usec")  # of reception: it is another moment
-EVERYTHING = [word for kind in PORTS for word in ("--type", kind)]  # and no beacons, which come when they like
-WORST = 4194304  # a note, as of a message that this tshark has no dissector for; a warning is more, an error as well
+NOT_OF_THE_MESSAGE = ("sec", "usec")  # time of reception, which differs in a replay
+EVERYTHING = [word for kind in PORTS for word in ("--type", kind)]  # all messages, but no beacons: their times vary
+WORST = 4194304  # severity `note` in tshark, as for a message without a dissector; warnings and errors are higher
 
 
 class Recorded(NamedTuple):
-    """What a station's user got by each interface, and the recordings of it by their form."""
+    """Messages that a station's user received by each interface, and the recordings of them by format."""
 
     received: Mapping[str, Sequence[Received]]
     files: Mapping[str, Path]
@@ -39,12 +39,12 @@ class Recorded(NamedTuple):
 
 
 def vectors(number: int, link: Link) -> list[tuple[bytes, int]]:
-    """Those that a link takes, of stations that only the link of this number brings; with their ports."""
+    """Return the vectors that fit on a link, with their ports. `number` makes their stationIDs unique to the link."""
     return [(pdu[:2] + bytes((number,)) + pdu[3:], port) for pdu, port in VECTORS if len(pdu) <= link.longest]
 
 
 def recorded(bench: Bench, links: Mapping[str, Link], folder: Path) -> Recorded:
-    """By each link the vectors, one link after the other, while they are recorded in every form."""
+    """Send the vectors by each link, one link after the other, and record them in every format."""
     wanted = {name: vectors(number, link) for number, (name, link) in enumerate(links.items())}
     count = sum(map(len, wanted.values()))
     files = {"pcapng": folder / "all.pcapng", "ring": folder / "ring", "mcap": folder / "all.mcap"}
@@ -66,7 +66,7 @@ def recorded(bench: Bench, links: Mapping[str, Link], folder: Path) -> Recorded:
 
 @contextmanager
 def recorder(station: Station, *options: str | Path) -> Iterator[None]:
-    """captain record, from when it hears the station until it has its count, or is told to end."""
+    """Run `captain record` around a block, which begins once it receives from the station."""
     words = map(str, (*PROGRAM, "record", *options, *addresses(station), *EVERYTHING))
     with subprocess.Popen([*words], stderr=subprocess.PIPE) as child:
         try:
@@ -81,7 +81,7 @@ def recorder(station: Station, *options: str | Path) -> Iterator[None]:
 
 
 def addresses(station: Station) -> list[str]:
-    """Options that lead a command to a station."""
+    """Return the options by which a command reaches a station."""
     ports = station.ports
     words = ["--station", f"127.0.0.1:{ports['from_users']}"]
     return words + [
@@ -97,7 +97,7 @@ def until_there(path: Path, count: int) -> None:
 
 
 def frames(path: Path) -> list[capture.Frame]:
-    """Of a file or a folder, in the order of the files; a block that is half written is not there yet."""
+    """Return the frames of a file, or of a folder in the order of its files. A half-written last block is skipped."""
     found: list[capture.Frame] = []
     for one in captures(path):
         with one.open("rb") as stream:
@@ -113,7 +113,7 @@ def captures(path: Path) -> list[Path]:
 
 
 def tshark_says(path: Path) -> list[tuple[str, str, str, int]]:
-    """Of each frame: interface, comment, the protocol that malformed ones are of, and the worst of its findings."""
+    """Return for each frame: interface, comment, malformed protocol, and the highest severity that tshark reports."""
     command = ["tshark", "-n", "-r", str(path), "-T", "fields", "-E", "aggregator=|"]
     command += [
         f"-e{name}" for name in ("frame.interface_name", "frame.comment", "_ws.malformed", "_ws.expert.severity")
@@ -127,7 +127,7 @@ def tshark_says(path: Path) -> list[tuple[str, str, str, int]]:
 
 
 def tshark_opens(path: Path, made_up: Iterable[str]) -> None:
-    """Every frame of a recording is as tshark wants it, with the comment that captain wrote."""
+    """Check that tshark opens every frame of a recording without an error and shows the comment of captain."""
     for one in captures(path):
         written = frames(one)
         told = tshark_says(one)
@@ -148,22 +148,22 @@ def replay(*words: str) -> dict[str, Any]:
 
 
 def facts(one: Received) -> dict[str, Any]:
-    """All that is known of a message but the moment when it was received."""
+    """Return all facts of a received message except its time of reception."""
     return {key: value for key, value in one.fields.items() if key not in NOT_OF_THE_MESSAGE}
 
 
 def are_the_same(found: Sequence[Received], expected: Sequence[Received]) -> None:
-    """With all that is known of them."""
+    """Check that two sequences of received messages are equal, with all their facts."""
     assert indicated(found) == indicated(expected)
     assert sorted(map(str, map(facts, found))) == sorted(map(str, map(facts, expected)))
 
 
 def indicated(received: Iterable[Received]) -> list[tuple[bytes, bytes]]:
-    """Envelopes and PDUs; types have lanes: of two, the one that came first may be delivered after the other."""
+    """Return envelopes and PDUs, sorted: each type has its own queue, so the order of two types may change."""
     return sorted(((one.envelope, one.pdu) for one in received), key=lambda pair: pair[0])
 
 
 def endpoint_gives(link: Link, received: Iterable[Received]) -> None:
-    """What is replayed into an endpoint leaves by a link as it came, if the link takes its length."""
+    """Check that messages replayed into an endpoint leave by a link unchanged, if they are short enough for it."""
     pdus = sorted((one.pdu for one in received if len(one.pdu) <= link.longest), key=lambda pdu: pdu[1])
     assert sorted((link.hear() for _ in pdus), key=lambda pdu: pdu[1]) == pdus

@@ -1,4 +1,4 @@
-"""Run by test_recordings.py in a network namespace: what is proven there of other interfaces, of Ethernet devices.
+"""Recordings of Ethernet devices: test_recordings.py runs this in a network namespace.
 
 usage: python -m tests.system.recordings_of_a_device FOLDER
 """
@@ -25,7 +25,7 @@ def main(folder: Path) -> None:
         for form, path in found.files.items():
             replay(str(path), *far.way_in)
             received = [second.user.receive() for _ in found.all]
-            if form == "mcap":  # it has no frames
+            if form == "mcap":  # MCAP has no frames
                 assert indicated(received) == indicated(found.all)
             else:
                 are_the_same(received, found.all)

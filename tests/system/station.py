@@ -1,4 +1,4 @@
-"""A station as its users meet it: a process of the installed program, its ports, its signals and its exit code."""
+"""Station as a process of the installed program: ports, signals, exit code."""
 
 import json
 import os
@@ -10,14 +10,15 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from tests.reference.topics import undocumented
 from tests.system.ports import Ports
 
 ROOT = Path(__file__).parents[2]
 PROGRAM = [str((ROOT / os.environ.get("CAPTAIN", ".venv/bin/captain")).absolute())]
 
-# Seconds. Reached only by a test that fails.
+# Timeout in seconds, which only a failing test reaches.
 PATIENCE = 15.0
-BETWEEN = 0.005  # s, between two questions
+BETWEEN = 0.005  # pause in seconds between two questions
 START = 10.0
 ENDPOINTS = ("from_users", "to_users", "pull", "report")
 
@@ -25,7 +26,7 @@ Table = Mapping[str, Any]
 
 
 def toml(value: Any) -> str:
-    """A value of a TOML file: JSON but for tables."""
+    """Return a value in TOML: the same as JSON, except for tables."""
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{key} = {toml(item)}" for key, item in value.items()) + " }"
     if isinstance(value, list | tuple):
@@ -38,7 +39,7 @@ def toml_table(name: str, table: Table) -> str:
 
 
 class Station:
-    """One `captain run`. Ports are its own; the control socket and the configuration are in `folder`."""
+    """Process `captain run` with ports of its own. Control socket and configuration are in `folder`."""
 
     def __init__(self, folder: Path, ports: Ports) -> None:
         self.folder = folder
@@ -53,7 +54,7 @@ class Station:
         return f"tcp://127.0.0.1:{self.ports[endpoint]}"
 
     def configure(self, interfaces: Mapping[str, Table], more: str = "", **tables: Table) -> None:
-        """Write captain.toml: tables by name, interfaces, and `more` as it is."""
+        """Write captain.toml with interfaces, further tables by name, and the text `more`."""
         endpoint = dict(self.ports) | {"control": str(self.control)} | dict(tables.pop("endpoint", {}))
         identity = {"mac": "02:00:00:00:00:aa"} | dict(tables.pop("station", {}))
         parts = [toml_table("station", identity), toml_table("endpoint", endpoint)]
@@ -62,7 +63,7 @@ class Station:
         self.file.write_text("\n".join([*parts, more]))
 
     def start(self, *arguments: str) -> None:
-        """Start it and wait for the readiness that a service manager would wait for."""
+        """Start the station and wait until it reports readiness, as a service manager does."""
         self._is_told_to_end = False
         with _Readiness(self.folder / "notify.sock") as readiness, self.stderr.open("wb") as stderr:
             self.child = subprocess.Popen(
@@ -85,7 +86,7 @@ class Station:
         self.child.send_signal(number)
 
     def stop(self) -> None:
-        """End it as a service manager does; it must go at once, with exit code 0 and no traceback."""
+        """Stop the station as a service manager does. Check that it ends at once, with exit code 0 and no traceback."""
         if self.child is None:
             return
         if self.running and not self._is_told_to_end:
@@ -102,14 +103,14 @@ class Station:
         assert code == 0, f"exit code {code}: {said}"
 
     def kill(self) -> None:
-        """End it, however it is; for a test that has failed already."""
+        """Kill the station in any state, for a test that has already failed."""
         if self.child is not None:
             self.child.kill()
             self.child.wait()
             self.child = None
 
     def ask(self, **question: Any) -> dict[str, Any]:
-        """One question and its answer over the control socket."""
+        """Ask one question over the control socket and return the answer."""
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as line:
             line.settimeout(PATIENCE)
             line.connect(str(self.control))
@@ -122,14 +123,15 @@ class Station:
         answer = self.ask(do="status")
         assert answer["ok"], answer
         status: dict[str, Any] = answer["status"]
+        assert undocumented("status", status) == []
         return status
 
     def drops(self) -> dict[tuple[str, str], int]:
-        """What was dropped since the start: (where, reason) -> count."""
+        """Return the counts of drops since the start, by place and reason."""
         return {(row["where"], row["reason"]): row["count"] for row in self.status()["drops"]}
 
     def until(self, holds: Callable[[dict[str, Any]], bool], patience: float = PATIENCE) -> dict[str, Any]:
-        """Ask for the status until it holds, and return it; not so often that the asking is all it does."""
+        """Ask for the status until holds() returns True for it, and return it. Pause between the questions."""
         end = time.monotonic() + patience
         while True:
             status = self.status()
@@ -140,7 +142,7 @@ class Station:
 
 
 class _Readiness:
-    """The service manager's end of sd_notify."""
+    """Service manager's end of sd_notify."""
 
     def __init__(self, path: Path) -> None:
         self.path = str(path)

@@ -1,4 +1,4 @@
-"""Octets from the air that are no messages: random ones by the hundred thousand, and frames cut at every octet."""
+"""Garbage from the air: random octets, and frames cut at every octet."""
 
 import random
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from tests.system.conftest import Bench, Launcher
 PDU = bytes.fromhex("02020000053900010203")
 COUNT = 100_000
 CHUNK = 500
-HEADER_TYPE = 19  # offset in the frame
+HEADER_TYPE = 19  # offset of the header type in the frame
 
 
 @pytest.mark.parametrize("framing", ["pdu", "btp", "ethernet"])
@@ -27,7 +27,7 @@ def test_100000_random_datagrams_leave_it_working_and_its_memory_flat(launch: La
         for _ in range(CHUNK):
             bench.air.throw(next(datagrams))
         status = bench.station.until(partial(_has_accounted, start + sent))
-        if sent == COUNT // 2:  # tables of neighbours and duplicates are near their bounds by now
+        if sent == COUNT // 2:  # by now, the tables of neighbours and duplicates are nearly full
             memory = status["memory_kb"]
     assert status["memory_kb"] < memory + 3000
     bench.user.sub.subscribe(b"")
@@ -36,7 +36,7 @@ def test_100000_random_datagrams_leave_it_working_and_its_memory_flat(launch: La
 
 
 def _random_datagrams(good: bytes) -> Iterator[bytes]:
-    """Half of them noise of 0 to 120 octets, half good ones with up to four octets changed and the end cut or not."""
+    """Yield bad datagrams: random ones of 0 to 120 octets, and good ones with changed octets or a cut end."""
     chance = random.Random(1)
     while True:
         yield chance.randbytes(chance.randrange(121))
@@ -44,7 +44,7 @@ def _random_datagrams(good: bytes) -> Iterator[bytes]:
         for _ in range(chance.randrange(1, 5)):
             spoilt[chance.randrange(len(good))] = chance.randrange(256)
         if len(good) > HEADERS and spoilt[HEADER_TYPE] >> 4 == 1:
-            continue  # by chance a beacon: neither a message nor a mistake
+            continue  # by chance a beacon, which is neither delivered nor dropped
         yield bytes(spoilt[: chance.randrange(len(good) + 1)]) if chance.random() < 0.5 else bytes(spoilt)
 
 
@@ -53,7 +53,7 @@ def _has_accounted(count: int, status: dict[str, Any]) -> bool:
 
 
 def _accounted(status: dict[str, Any]) -> int:
-    """Datagrams that g5 has received, or dropped with a reason."""
+    """Return the number of datagrams that g5 has received or dropped with a reason."""
     dropped = sum(row["count"] for row in status["drops"] if row["where"] == "g5")
     return int(sum(status["interfaces"]["g5"]["received"].values()) + dropped)
 

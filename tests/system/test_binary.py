@@ -1,4 +1,4 @@
-"""Workers of the program itself: from source, or frozen in either form, as CAPTAIN says."""
+"""Workers of the program under test: from source or frozen, as $CAPTAIN selects."""
 
 import json
 import os
@@ -11,15 +11,15 @@ from pathlib import Path
 
 import pytest
 
-from board.child import MAX_MESSAGE
-from board.worker import Worker
+from board.runtime.child import MAX_MESSAGE
+from board.runtime.worker import Worker
 from tests.system.conftest import Launcher
 from tests.system.station import PROGRAM
 from tests.virtual import VirtualLoop
 
 
 class Nest:
-    """The program as a worker that has a worker: `captain --worker prove-nesting` and its `captain --worker echo`."""
+    """Worker that has a worker itself: `captain --worker prove-nesting`, which starts `captain --worker echo`."""
 
     def __init__(self) -> None:
         self.loop = VirtualLoop(patience_s=20.0)
@@ -35,7 +35,7 @@ class Nest:
         self.worker.start()
 
     def next(self, start: bytes) -> bytes:
-        """The rest of the next message that begins so."""
+        """Return the rest of the next message that begins with `start`."""
         found: list[bytes] = []
 
         def is_there() -> bool:
@@ -79,7 +79,7 @@ def test_a_worker_of_the_program_takes_messages_of_every_allowed_length(nest: Ne
 
 
 def test_a_worker_is_one_process_whose_parent_is_the_program(nest: Nest):
-    # Frozen into one file it could be two: a boot loader that unpacks once more, and the worker below it.
+    # In the one-file form there could be two processes: a boot loader that unpacks again, and the worker as its child.
     pid = nest.echo_pid()
     assert command_of(pid)[-4:-2] == ["--worker", "echo"]
     assert command_of(parent_of(pid))[-4:-2] == ["--worker", "prove-nesting"]
@@ -115,7 +115,7 @@ def test_doctor_tries_a_worker_out():
 
 
 def test_a_station_whose_started_process_is_killed_does_not_live_on(launch: Launcher) -> None:
-    # In the one-file form that process only unpacked the program; what works is its child.
+    # In the one-file form, the started process only unpacks the program; the station is its child.
     bench = launch("pdu")
     assert bench.station.child is not None
     station = os.pidfd_open(bench.station.status()["pid"])

@@ -1,4 +1,4 @@
-"""A started station on the simulated board: radio and receiver come up through their slots, fail and return."""
+"""Station on the simulated board: radio and receiver start in slots, fail and return."""
 
 import json
 import os
@@ -11,20 +11,20 @@ from typing import Any
 import pytest
 import zmq
 
-from firmware.board_file import BOARDS
+from firmware.config.board_file import BOARDS
 from tests.system.conftest import Launcher
 from tests.system.station import PROGRAM, Station
 from tests.system.user import Reports, User
 
-# A modem needs ten seconds to find a network: it has tests of its own.
+# The modem is left out, because it needs ten seconds to find a network and has tests of its own.
 WITHOUT = "[interfaces.cellular]"
 BY_PULSES = ("settling", "locked")
-ITS_EPOCH = 1_072_915_200  # as Unix time
-MODULES_S = 30.0  # at most, until the others are up, on a machine that does more than this
+ITS_EPOCH = 1_072_915_200  # Unix time of 2004-01-01
+MODULES_S = 30.0  # timeout until the other modules are up, on a busy machine
 
 
 class Bench:
-    """A station on a board of its own ports, and a user of it."""
+    """Station on a simulated board with ports of its own, and a user."""
 
     def __init__(self, launch: Launcher, folder: Path) -> None:
         text = (BOARDS / "sim.toml").read_text()
@@ -50,15 +50,15 @@ class Bench:
         )
 
     def captain(self, *words: str) -> tuple[int, Any]:
-        """A command that is answered in JSON: its exit status and its answer."""
+        """Run a command with JSON output; return its exit status and its output."""
         command = [*PROGRAM, *words, "--json", "--control", str(self.station.control)]
         done = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
         assert done.stdout, done.stderr
         return done.returncode, json.loads(done.stdout)
 
     def workers(self) -> dict[str, int]:
-        """Process id of each child, by the name of the worker that it is."""
-        pid = self.station.status()["pid"]  # frozen into one file, it is a child of what unpacked it
+        """Return the process ids of the station's workers, by name."""
+        pid = self.station.status()["pid"]  # not that of the started process, which only unpacks in the one-file form
         children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
         words = {int(child): Path(f"/proc/{child}/cmdline").read_text().split("\0") for child in children}
         return {line[line.index("--worker") + 1]: child for child, line in words.items() if "--worker" in line}
@@ -73,7 +73,7 @@ def bench(launch_shared: Launcher, tmp_path_factory: pytest.TempPathFactory) -> 
 
 @pytest.fixture(scope="module", autouse=True)
 def timed(launch_shared: Launcher, tmp_path_factory: pytest.TempPathFactory) -> Bench:
-    """Another one, which nobody disturbs: its pulses come while the first is tested."""
+    """Return a second, undisturbed station, which receives pulses while the first one is tested."""
     return Bench(launch_shared, tmp_path_factory.mktemp("timed"))
 
 
@@ -150,8 +150,8 @@ def _is_exact(clock: dict[str, Any]) -> bool:
 
 
 def test_pulses_tell_the_time_and_say_how_well(timed: Bench) -> None:
-    # Locked after 15 s: nobody waits for that here. tests/firmware/test_station_time.py does, in virtual time.
-    # On a machine that does more than this the first pulses may be taken late, and the station says so.
+    # `locked` takes 15 s and is tested in virtual time: tests/firmware/station/test_station_time.py.
+    # On a busy machine, the first pulses may be processed late, which the station reports.
     clock = timed.station.until(lambda status: _is_exact(status["clock"]), MODULES_S)["clock"]
     assert clock["error_ns"] == abs(clock["offset_ns"]) + clock["uncertainty_ns"]
     assert (clock["receiver"], clock["pulse"]["is_open"], clock["missing"]) == ("gnss", True, "")

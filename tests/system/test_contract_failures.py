@@ -1,4 +1,4 @@
-"""Contract, section 5, and bad input: what goes wrong elsewhere and must not here."""
+"""Contract, section 5, and bad input: failures of other programs do not harm the station."""
 
 import contextlib
 import socket
@@ -13,7 +13,7 @@ from tests.system.user import air_hears_nothing_before_a_mark, mark
 CAM = bytes.fromhex("020200000539")
 LARGE = CAM + bytes(1400)
 
-# Octets in flight at once between the test and the station: below the smallest kernel queue.
+# Number of messages in flight between test and station: they fit into the smallest queue of the kernel.
 WINDOW = 100
 
 
@@ -143,7 +143,7 @@ def test_many_different_stations_and_types_from_the_air_grow_nothing(launch: Lau
 
 
 def _throw_numbers(bench: Bench, count: int, salt: int) -> None:
-    """PDUs, each of another station and nearly each of another type, a window at a time."""
+    """Send PDUs with different stationIDs and types, WINDOW at a time."""
     for start in range(0, count, WINDOW):
         for number in range(start, start + WINDOW):
             bench.air.throw(bytes((salt, number % 251)) + number.to_bytes(4, "big"))
@@ -166,7 +166,7 @@ def test_a_subscriber_that_never_reads_costs_the_others_nothing(launch: Launcher
     _receive_all(bench, 2000)
     before = memory_kb(bench)
     _receive_all(bench, 10_000)
-    # What waits for it is bounded by the socket's high water mark; 8,192 messages of 1.5 kB are 13 MB.
+    # The socket's high-water mark limits the waiting messages: 8,192 of 1.5 kB are 13 MB.
     assert memory_kb(bench) < before + 40_000
     assert bench.station.drops() == {("to_users", "subscriber-slow"): 1}
     context.destroy(linger=0)
@@ -204,7 +204,7 @@ def test_a_frame_of_megabytes_ends_only_its_senders_connection(launch: Launcher)
 
 
 def test_an_idle_station_sleeps(launch: Launcher) -> None:
-    """Loops that poll wake a thousand times a second; two heartbeats and a status need a few wake-ups."""
+    """A polling loop would wake a thousand times a second; two heartbeats and a status need a few wake-ups."""
     bench = launch("pdu")
     before = _wakeups(bench)
     bench.user.beat()
@@ -243,7 +243,7 @@ def test_unknown_frames_of_geonetworking_neighbours_leave_memory_flat(launch: La
 
 
 def _throw_sources(bench: Bench, count: int, prefix: bytes) -> None:
-    """Single hop broadcasts, each of another neighbour."""
+    """Send single-hop broadcasts, each from a different neighbour."""
     for start in range(0, count, WINDOW):
         for number in range(start, start + WINDOW):
             bench.air.throw(single_hop(CAM, source=prefix + number.to_bytes(4, "big")))

@@ -1,4 +1,4 @@
-"""Contract, section 1.2: what users may send to 5555, and what becomes of the rest."""
+"""Contract, section 1.2: valid and invalid messages of users at port 5555."""
 
 import pytest
 
@@ -83,7 +83,7 @@ def test_one_frame_is_dropped_and_the_next_message_is_not_affected(btp: Bench, f
     assert dropped(btp, "one-frame") == before + 1
 
 
-@pytest.mark.parametrize("more", [[b""], [b"{}"], [b"x"], [b"{}", b"", b"v2x.denm."], [b"y"] * 100])
+@pytest.mark.parametrize("more", [[b""], [b"{}"], [b"x"], [b"{}", b"", b"v2x.denm."], [b"y"] * 62])
 def test_of_three_frames_and_more_the_first_two_are_used(btp: Bench, more: list[bytes]) -> None:
     btp.user.send(b"v2x.cam.", CAM, *more)
     btp.user.send(b"v2x.denm.", CAM)

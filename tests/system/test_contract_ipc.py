@@ -14,7 +14,7 @@ from tests.system.user import mark
 
 
 class Process(NamedTuple):
-    """An interface process: PUB of one frame to ipc_in, SUB of two frames from ipc_out."""
+    """Interface process: PUB of one frame to ipc_in, SUB of two frames from ipc_out."""
 
     bench: Bench
     out: "zmq.Socket[bytes]"
@@ -49,7 +49,7 @@ def process(shared: Process) -> Process:
 
 
 def _join(process: Process) -> None:
-    """Until a raw. of the process arrives at the user, and a user's message at the process."""
+    """Wait until a RawRxMessage of the process arrives at the user, and a user's message at the process."""
     bench = process.bench
     while not bench.user.sub.poll(20) or bench.user.sub.recv_multipart()[0] == b"hb.counter":
         process.into.send(bytes.fromhex(GOLDEN[0]))

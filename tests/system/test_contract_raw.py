@@ -1,4 +1,4 @@
-"""Contract, section 3: RawRxMessage, read from outside by a decoder that shares nothing with the station."""
+"""Contract, section 3: RawRxMessage, read by a decoder without the station's code."""
 
 import time
 
@@ -25,7 +25,7 @@ def shared_plain(launch_shared: Launcher) -> Bench:
 
 @pytest.fixture
 def plain(shared_plain: Bench) -> Bench:
-    """Framing ethernet, without localInfo, shared."""
+    """Return a shared station with framing ethernet and without localInfo."""
     return shared_plain.settled()
 
 
@@ -71,7 +71,7 @@ def test_what_a_bare_pdu_cannot_tell_is_zero(launch: Launcher) -> None:
     raw = bench.user.receive().raw
     fields = decode(raw)
     assert fields["sec"] > 1_700_000_000
-    # With the time set to zero, it is the first golden vector to the bit.
+    # With the time set to zero, the message equals the first golden vector.
     value = int.from_bytes(raw, "big")
     time_bits = ((1 << 64) - 1) << (8 * len(raw) - 66)
     zero_time = (1 << 63 | 1 << 31) << (8 * len(raw) - 66)

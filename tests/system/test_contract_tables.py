@@ -4,31 +4,11 @@ from typing import Any
 
 import pytest
 
+from tests.firmware.profile_table import NAMELESS_IN_LEGACY, TABLE
 from tests.system.conftest import Bench, Launcher
 from tests.system.user import air_hears_nothing_before_a_mark
 
-# messageID, name, port in profile standard (TS 103 248), port in profile legacy; None: not sent.
-NAMED = [
-    (1, "denm", 2002, 2002),
-    (2, "cam", 2001, 2001),
-    (3, "poi", 2010, 2010),
-    (4, "spatem", 2004, 2004),
-    (5, "mapem", 2003, 2003),
-    (6, "ivim", 2006, 2006),
-    (7, "ev_rsr", 2012, 2012),
-    (8, "tistpgtransaction", 2011, None),
-    (9, "srem", 2007, 2007),
-    (10, "ssem", 2008, 2008),
-    (11, "evcsn", 2010, 2010),
-    (12, "saem", 2005, 2005),
-    (13, "rtcmem", 2013, 2013),
-    (14, "cpm", 2009, 2001),
-    (16, "vam", 2018, 2001),
-    (102, "vam", 2018, 2001),
-]
-# Ids that had no name once: they have one in profile standard alone.
-NAMED_SINCE = [(15, "imzm", 2019), (20, "mcm", 2017)]
-ALL = [*NAMED, *((number, name, port, None) for number, name, port in NAMED_SINCE)]
+NAMED = [row for row in TABLE if row[0] not in NAMELESS_IN_LEGACY]
 SENT_IN_LEGACY = [(number, name, port) for number, name, _, port in NAMED if port]
 
 
@@ -36,7 +16,7 @@ def pdu_of(number: int) -> bytes:
     return bytes((2, number)) + bytes.fromhex("00000539") + b"body"
 
 
-@pytest.mark.parametrize(("number", "name", "port", "_"), ALL)
+@pytest.mark.parametrize(("number", "name", "port", "_"), TABLE)
 def test_standard_ports_by_message_id_and_by_envelope(btp: Bench, number: int, name: str, port: int, _: int) -> None:
     btp.user.send(b"v2x.", pdu_of(number))
     btp.user.send(b"v2x.%s." % name.encode(), pdu_of(number))
@@ -66,7 +46,7 @@ def test_the_legacy_profile_sends_nothing_under_their_envelopes_either(legacy: B
     air_hears_nothing_before_a_mark(legacy.user, legacy.air)
 
 
-@pytest.mark.parametrize(("number", "name", "standard", "old"), ALL)
+@pytest.mark.parametrize(("number", "name", "standard", "old"), TABLE)
 def test_reception_accepts_the_ports_of_both_profiles_in_profile_standard(
     btp: Bench, number: int, name: str, standard: int, old: int | None
 ) -> None:

@@ -1,4 +1,4 @@
-"""Commands as they come: default ports and simulated neighbours. In a network of its own, so that the ports are free."""
+"""Commands with default ports and simulated neighbours, in a network namespace."""
 
 import json
 import subprocess
@@ -10,7 +10,7 @@ import pytest
 
 from tests.system.station import PROGRAM
 
-# Runs inside: starts a verb, is a user of its station until both types have come, then has a swarm drive around it.
+# Program in the namespace: starts a command, receives from its station until both types have come, then runs a swarm.
 INSIDE = """
 import atexit, json, subprocess, sys, zmq
 subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
@@ -47,7 +47,7 @@ print(json.dumps({**told, "swarm": swarm.returncode, "said": swarm.stdout, "err"
 
 
 def seen(verb: str, folder: Path) -> dict[str, Any]:
-    """What is seen of a verb without options."""
+    """Return the output and results of a command without options."""
     command = ["unshare", "-Urn", sys.executable, "-c", INSIDE, *PROGRAM, verb]
     done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False, cwd=folder)
     assert done.returncode == 0, done.stderr

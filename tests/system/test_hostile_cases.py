@@ -1,4 +1,4 @@
-"""Each attack on the ports of a running station: it lives, serves the good client, counts the end, gives all back."""
+"""Attacks on a running station's ports: it serves others, counts the attack, frees resources."""
 
 import os
 import subprocess
@@ -15,7 +15,7 @@ from tests.system.station import ROOT, Station
 from tests.system.user import mark
 
 MEMORY_KB = 64 * 1024
-# Attack -> the reason that counts its end; the first has none.
+# Reason under which the station counts the end of each attack; the first attack is not counted.
 REASONS = {
     "unsubscribe": "",
     "giant-topic": "",
@@ -28,7 +28,7 @@ REASONS = {
     "slow": "subscriber-cut",
 }
 FILL = bytes(1390)
-ROUNDS = 20  # for an attack that is not counted
+ROUNDS = 20  # number of rounds during an attack that is not counted
 
 
 def test_every_attack_has_a_row() -> None:
@@ -57,7 +57,7 @@ def test_an_attack_costs_the_attacker_alone(launch: Launcher, name: str) -> None
 
 
 def serve(bench: Bench) -> None:
-    """Ten long messages each way, all of which arrive."""
+    """Send ten long messages each way and check that all arrive."""
     for _ in range(10):
         bench.air.send(pdu := mark() + FILL)
         assert bench.user.receive().pdu == pdu
@@ -76,7 +76,7 @@ def descriptors_of(station: Station) -> int:
 
 @contextmanager
 def attack(name: str, port: int) -> Iterator[None]:
-    """A process that attacks, as gently as its priority is."""
+    """Run an attacking process with low priority around a block."""
     command = [sys.executable, "-m", "tests.attack.attacks", name, str(port)]
     with subprocess.Popen(command, cwd=Path(ROOT), stderr=subprocess.DEVNULL) as running:
         try:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from board.time import gn_timestamp
+from board.time.scales import gn_timestamp
 from firmware import cli
 from tests.system.air import HEADERS, single_hop
 from tests.system.conftest import Bench, Launcher
@@ -21,7 +21,7 @@ LATITUDE, NOWHERE = struct.pack(">i", 487668616), struct.pack(">i", 2_147_483_64
 
 
 def frame_of(bench: Bench, pdu: bytes) -> bytes:
-    """A plausible frame: its timestamp is the station's time."""
+    """Return a plausible frame, with the station's time as timestamp."""
     return single_hop(pdu, stamp=gn_timestamp(bench.station.status()["clock"]["its_ms"]))
 
 
@@ -60,10 +60,10 @@ def test_indications_have_the_mark_and_their_own_topic(launch: Launcher) -> None
     reports.sub.subscribe(b"implausible.")
     good = frame_of(bench, mark())
     octets = len(good) - HEADERS
-    with throwing(bench, good[:6] + ANOTHER + good[12:]):  # again: the first may come before the subscription
+    with throwing(bench, good[:6] + ANOTHER + good[12:]):  # repeated, because the first may precede the subscription
         for topic in ("implausible.cam.", "indication.cam."):
             told = reports.next(topic)[1]
-            while told.get("implausible") != ["source"]:  # those that the station was joined with have an old time
+            while told.get("implausible") != ["source"]:  # earlier messages, which connected the user, have an old time
                 told = reports.next(topic)[1]
             assert (told["octets"], told["interface"]) == (octets, "g5")
 
@@ -76,7 +76,7 @@ def test_listen_shows_the_mark(launch: Launcher, capsys: pytest.CaptureFixture[s
     command += ["--report", str(ports["report"]), "--json", "--count", "1"]
     told: dict[str, object] = {}
     with throwing(bench, good[:6] + ANOTHER + good[12:]):
-        while "implausible" not in told:  # the first may come before its subscription
+        while "implausible" not in told:  # the first may precede the subscription
             assert cli.main(command) == 0
             told = json.loads(capsys.readouterr().out)
     assert told["implausible"] == ["source"]
@@ -84,7 +84,7 @@ def test_listen_shows_the_mark(launch: Launcher, capsys: pytest.CaptureFixture[s
 
 @contextmanager
 def throwing(bench: Bench, octets: bytes) -> Iterator[None]:
-    """A frame again and again."""
+    """Send a frame repeatedly during a block."""
     is_over = threading.Event()
 
     def throw() -> None:

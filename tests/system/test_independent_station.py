@@ -5,7 +5,8 @@ import pytest
 from tests.system.air import HEADERS
 from tests.system.conftest import Bench, Launcher
 
-# frames.json; stations 1 and 2 of that run are the addresses that end in 0b and 0a. Position as socktap was given it.
+# Names in frames.json. In that run, station 1 had the address that ends in 0b, station 2 the one in 0a. The position is
+# the one with which socktap was started.
 UNSECURED = ["cam-shb", "cam-shb-2", "udp-payload"]
 SIGNED = ["cam-signed-certificate", "cam-signed-digest"]
 
@@ -17,7 +18,7 @@ def shared_strict(launch_shared: Launcher) -> Bench:
 
 @pytest.fixture
 def strict(shared_strict: Bench) -> Bench:
-    """Drops signed packets; delivers protocol version 0."""
+    """Return a shared station that drops signed packets and accepts protocol version 0."""
     return shared_strict.settled()
 
 

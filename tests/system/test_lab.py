@@ -94,7 +94,7 @@ def test_the_other_two_go_once_each_way(result: dict[str, Any]) -> None:
 def test_every_frame_is_captured_and_decoded_and_none_is_malformed(result: dict[str, Any]) -> None:
     messages = [row for row in result["decoded"] if row["port"]]
     assert sum(row["frames"] for row in messages) == 2 * 10 * 5 + 4
-    # The MAPEM of 8 octets is of protocolVersion 9, which none knows; the VAM is known since Wireshark 4.4.
+    # The MAPEM of 8 octets has protocolVersion 9, which tshark does not know; the VAM is known since Wireshark 4.4.
     beside = {row["port"]: (row["decoded"], row["btp"]) for row in messages if row["port"] in (2003, 2018)}
     assert beside == {2003: (10, 2), 2018: (2, 0) if tshark.KNOWS_RELEASE_2 else (0, 2)}
     others = [row for row in messages if row["port"] not in beside]
@@ -104,7 +104,7 @@ def test_every_frame_is_captured_and_decoded_and_none_is_malformed(result: dict[
 
 
 def test_the_capture_decodes_to_its_last_field(result: dict[str, Any]) -> None:
-    """The elements of each message, by the names that tshark gives them, once for each copy and direction."""
+    """tshark shows the elements of each message, once for each copy and direction."""
     elements = {"dsrc.MapData_element": 10, "dsrc.SPAT_element": 10, "ivi.IviStructure_element": 10}
     if tshark.KNOWS_RELEASE_2:
         elements |= {"denm.DenmPayload_element": 20, "cam.CamPayload_element": 40, "vam.VruAwareness_element": 2}
@@ -129,7 +129,7 @@ def test_without_json_it_is_a_table() -> None:
 def test_a_capture_that_cannot_be_written_is_explained() -> None:
     done = lab("--duration", "0.1", "--capture", "/proc/no/where.pcap")
     assert done.returncode == 1
-    assert done.stderr.startswith("captain: /proc/no/where.pcap")
+    assert done.stderr.startswith("captain: --capture: /proc/no/where.pcap")
     assert "Traceback" not in done.stderr
 
 

@@ -1,4 +1,4 @@
-"""What the program knows of messages: decode, encode, convert, explain and the fields of listen, from outside."""
+"""Message commands from outside: decode, encode, convert, explain, listen."""
 
 import json
 import re
@@ -61,9 +61,9 @@ def test_decode_opens_the_frames_of_an_independent_station(frames: dict[str, byt
 def test_what_does_not_decode_is_told_and_the_next_goes_on() -> None:
     ended = captain("decode", "--json", given=f"{CAM[:-30]}\n{CAM}\n", expect=1)
     broken, whole = objects(ended)
-    assert broken["error"]["bit"] > 0
-    assert broken["error"]["path"]
-    assert broken["error"]["cause"].startswith("it is truncated")
+    assert broken["bit"] > 0
+    assert broken["path"] in broken["error"]
+    assert broken["hint"].startswith("it is truncated")
     assert whole["type"] == "cam"
 
 
@@ -90,7 +90,7 @@ def test_explain_accounts_for_every_bit() -> None:
 
 def test_convert_needs_no_more_than_a_guess_of_its_flags() -> None:
     base64 = captain("convert", "--to", "base64", CAM).stdout.decode()
-    assert captain("convert", "--from", "base64", "--to", "hex", base64.strip()).stdout.decode() == CAM + "\n"
+    assert captain("convert", "--format", "base64", "--to", "hex", base64.strip()).stdout.decode() == CAM + "\n"
     octets = captain("convert", "--to", "binary", CAM).stdout
     assert octets == bytes.fromhex(CAM)
     assert captain("convert", given=octets).stdout.decode() == CAM + "\n"
@@ -112,8 +112,8 @@ def test_the_doctor_names_the_messages_of_the_library() -> None:
 def test_explain_of_a_message_that_does_not_decode_ends_at_its_first_bad_bit() -> None:
     ended = captain("explain", "--json", CAM[:-30], expect=1)
     *rows, last = objects(ended)
-    assert rows[-1]["bit"] + rows[-1]["width"] <= last["error"]["bit"]
-    assert last["error"]["cause"].startswith("it is truncated")
+    assert rows[-1]["bit"] + rows[-1]["width"] <= last["bit"]
+    assert last["hint"].startswith("it is truncated")
 
 
 def test_listen_carries_the_decoded_message(btp: Bench) -> None:

@@ -1,4 +1,4 @@
-"""captain meter at real stations: what it says of what was sent, lost and reflected, and the page that it writes."""
+"""captain meter at running stations: sent, lost and reflected messages, and its page."""
 
 import json
 import select
@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 
+from firmware.client import client
 from firmware.lab.laboratory import Seat, bench
 from firmware.meter.meter import Meter
 from firmware.meter.session import Session, TimeLine
 from firmware.meter.shows import table_3
-from firmware.user import client
 from tests.system.station import PROGRAM
 
 
@@ -72,7 +72,7 @@ def reflecting(seat: Seat) -> Iterator[None]:
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stderr is not None
-            assert "are sent back" in process.stderr.readline()
+            assert "reflecting probes" in process.stderr.readline()
             yield
         finally:
             process.terminate()
@@ -88,7 +88,7 @@ def test_reflected_probes_have_a_round_trip_that_needs_the_other_station_not_at_
 
 
 def test_stations_under_load_are_joined_without_a_loss(seats: tuple[Seat, Seat]) -> None:
-    """Messages flow before the meter is there, while it joins, and after it has left; a signal ends it, and it tells."""
+    """Messages are sent before the meter starts, while it connects, and after it has ended by a signal."""
     a, b = seats
     command = [*PROGRAM, "meter", *at(a), *at(b), "--grace", "0.4", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
@@ -151,12 +151,12 @@ def test_of_table_2_it_is_said_what_measures_it() -> None:
 
 @pytest.mark.parametrize("suffix", [".html", ".json", ".geojson"])
 def test_a_page_of_before_is_not_written_over(tmp_path: Path, suffix: str) -> None:
-    """Before anything is measured: nobody measures for an hour to be told then."""
+    """The meter refuses an existing file before the measurement starts, not after an hour."""
     old = tmp_path / f"drive{suffix}"
     old.write_text("of before")
     done = meter("--at", "A=127.0.0.1:1", "--report", str(tmp_path / "drive.html"))
     assert done.returncode == 2
-    assert f"--report: {old} is there already" in done.stderr
+    assert f"--report: {old}: the file exists" in done.stderr
     assert old.read_text() == "of before"
 
 
@@ -168,12 +168,12 @@ def test_the_second_signal_ends_a_meter_that_waits_for_what_is_under_way(seats: 
         assert "heard" in process.stderr.readline()
         process.send_signal(signal.SIGINT)
         said = process.stderr.readline()
-        assert "for 120.5 s at most" in said
+        assert "at most 120.5 s" in said
         assert "Ctrl-C" in said
         process.send_signal(signal.SIGINT)
         told = json.loads(process.communicate(timeout=30)[0])
     assert process.returncode == 0
-    assert any("ended before" in note for note in told["notes"])
+    assert any("cut short" in note for note in told["notes"])
 
 
 def test_table_1_loses_nothing_and_the_meter_says_so() -> None:
@@ -185,7 +185,7 @@ def test_table_1_loses_nothing_and_the_meter_says_so() -> None:
 
 
 def test_table_3_measures_the_loss_of_the_radios() -> None:
-    """Where the car drives out of sight, behind the block."""
+    """Messages are lost while the car is out of sight, behind the block of houses."""
     shown = table_3(2.0, 1.0, from_s=15.5)
     assert shown.is_right, shown.verdict
     assert all(0 < way["lost"] < way["sent"] == 20 for way in shown.result["ways"])

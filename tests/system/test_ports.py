@@ -1,10 +1,10 @@
-"""Ports of stations under test: no program that names none is given one of them between the choice and the start."""
+"""Ports of stations under test: the kernel gives them to no other program."""
 
 from pathlib import Path
 
 import pytest
 
-from board import free_udp
+from board.runtime import free_udp
 from tests.system.ports import Ports, is_free
 
 

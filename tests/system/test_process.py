@@ -1,4 +1,4 @@
-"""The process: how it starts, what it refuses to start with, how it reloads and how it ends."""
+"""Process of the station: start, refusal to start, reload and end."""
 
 import os
 import pty
@@ -18,7 +18,7 @@ UDP = '[interfaces.g5]\ndriver = "udp"\nframing = "pdu"\nlisten = "127.0.0.1:0"\
 
 
 def run(folder: Path, text: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """`captain run` that must refuse to run."""
+    """Run `captain run` with a configuration that it must refuse; return the ended process."""
     file = folder / "captain.toml"
     file.write_text(text)
     command = [*PROGRAM, "run", "--config", str(file), "--board", "none", *arguments]
@@ -176,7 +176,7 @@ def test_an_interface_whose_port_is_taken_waits_and_comes_when_it_is_free(launch
 
 
 def test_an_interface_that_disappears_and_returns_comes_up_again(launch: Launcher, tmp_path: Path) -> None:
-    """A serial line on a pseudo-terminal: closing its other end is what unplugging an adapter is."""
+    """The interface is a serial line on a pseudo-terminal. Closing its other end is like unplugging an adapter."""
     device = tmp_path / "tty"
     bench = launch("pdu", more=f'[interfaces.line]\ndriver = "uart"\ndevice = "{device}"\n')
     for _ in range(2):
@@ -263,7 +263,7 @@ def test_it_is_bound_to_loopback_unless_configured(launch: Launcher) -> None:
 
 
 def _listening(station: Station) -> set[str]:
-    """Addresses that the station's four ports listen at, from /proc/net/tcp (proc(5))."""
+    """Return the addresses at which the station's four ports listen, from /proc/net/tcp (proc(5))."""
     found = set()
     for row in Path("/proc/net/tcp").read_text().splitlines()[1:]:
         local, state = row.split()[1], row.split()[3]

@@ -1,4 +1,4 @@
-"""What may leave first, what is too old to leave, and what a policy sends where."""
+"""Queues: order by priority, lifetime, policy."""
 
 from functools import partial
 from typing import Any
@@ -62,7 +62,7 @@ def test_a_full_queue_drops_the_oldest_of_the_lowest_priority(launch: Launcher) 
     assert {confirm["reason"] for confirm in confirms if confirm["outcome"] == "dropped"} == {"queue-full"}
     assert sorted(dropped + sent) == list(range(20))
     assert dropped == sorted(dropped)
-    assert sent[-3:] == [17, 18, 19]  # the fourth place may be the DENM's
+    assert sent[-3:] == [17, 18, 19]  # the DENM may have the fourth place
     assert bench.station.status()["interfaces"]["g5"]["sent"]["denm"] == 1
 
 
@@ -194,5 +194,5 @@ def _flood_and_one_more(bench: Bench) -> None:
     place = 0
     while bench.user.receive().pdu != alone:
         place += 1
-    # Its neighbour's queue is shared out in batches: it waits for a few of those, not for the whole flood.
+    # The queue of the flood is read in batches, so the message waits for a few batches and not for the whole flood.
     assert place < 3000

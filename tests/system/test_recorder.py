@@ -1,4 +1,4 @@
-"""What a station's recorder writes, from outside: captain record, and the process that [recorder] starts."""
+"""Recordings from outside: captain record, and the process of [recorder]."""
 
 import io
 import json
@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from firmware.codec import capture
-from firmware.codec.layers import Carried, open_frame
-from firmware.codec.pcapng import Direction
+from firmware.recordings import capture
+from firmware.recordings.layers import Carried, open_frame
+from firmware.recordings.pcapng import Direction
 from tests.system.air import framed
 from tests.system.conftest import Launcher
 from tests.system.station import BETWEEN, PATIENCE, PROGRAM, ROOT, Station
@@ -36,7 +36,7 @@ def frames(path: Path) -> list[capture.Frame]:
 
 
 def shown(path: Path, *fields: str) -> list[list[str]]:
-    """What tshark makes of a file, a line for each frame."""
+    """Return fields that tshark prints for a file, one row for each frame."""
     command = ["tshark", "-n", "-r", str(path), "-T", "fields", *(f"-e{field}" for field in fields)]
     ended = subprocess.run(command, capture_output=True, text=True, check=True, timeout=4 * PATIENCE)
     return [line.split("\t") for line in ended.stdout.splitlines()]
@@ -44,7 +44,7 @@ def shown(path: Path, *fields: str) -> list[list[str]]:
 
 @contextmanager
 def recorder(station: Station, path: Path) -> "Iterator[subprocess.Popen[str]]":
-    """captain record, from when it hears the station."""
+    """Run `captain record` around a block, which begins once it receives from the station."""
     command = [*PROGRAM, "record", "--pcapng", str(path), "--station", f"127.0.0.1:{station.ports['from_users']}"]
     command += ["--report", str(station.ports["report"])]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:
@@ -60,7 +60,7 @@ def recorder(station: Station, path: Path) -> "Iterator[subprocess.Popen[str]]":
 
 
 def until_recorded(path: Path, pdu: bytes, again: Callable[[], None] = lambda: None) -> None:
-    """Until a recording that is being written holds a PDU, which is sent again meanwhile."""
+    """Wait until a growing recording contains a PDU; again() sends it repeatedly."""
     end = time.monotonic() + PATIENCE
     while pdu not in path.read_bytes():
         assert time.monotonic() < end, "it was not recorded"
@@ -100,7 +100,7 @@ def test_every_message_of_every_framing_is_in_the_recording_and_tshark_reads_it(
     for (malformed, comment, interface, protocols), frame in zip(rows, found, strict=True):
         assert (interface, comment) == (frame.interface, frame.comment)
         assert protocols.startswith("eth:ethertype:gnw")
-        assert not malformed or opened(frame) not in pdus  # a mark is no CAM
+        assert not malformed or opened(frame) not in pdus  # marks are not valid CAMs
 
 
 def opened(frame: capture.Frame) -> bytes:
@@ -182,7 +182,7 @@ def test_a_recorder_that_dies_is_started_again_and_routing_goes_on(launch: Launc
 @pytest.mark.parametrize("question", [{"text": ""}, {"text": 7}, {}])
 def test_a_reason_has_to_be_given(launch: Launcher, tmp_path: Path, question: dict[str, Any]) -> None:
     bench = launch("pdu", recorder={"folder": str(tmp_path), **RING})
-    assert bench.station.ask(do="record", **question)["error"] == "text: a reason is missing"
+    assert bench.station.ask(do="record", **question)["error"] == "text: missing reason"
 
 
 def test_without_a_folder_there_is_no_recorder(launch: Launcher) -> None:

@@ -1,4 +1,4 @@
-"""Recordings of every kind of interface: tshark opens them, and replayed they give what the station had heard."""
+"""Recordings of each kind of interface: tshark opens them; replays equal the original."""
 
 import subprocess
 import sys
@@ -28,11 +28,11 @@ from tests.system.v2n import ANY_PDU, table
 FRAMINGS = {"eth": "ethernet", "btp": "btp", "bare": "pdu"}
 OTHERS = ("radio", "v2n", "line", "whistle", "ipc")
 KINDS = (*FRAMINGS, *OTHERS)
-WITH_WAY_IN = (*FRAMINGS, "radio")  # captain replay reaches the very interface of another station
+WITH_WAY_IN = (*FRAMINGS, "radio")  # kinds whose frames `captain replay` can send to the same kind of interface
 
 
 class Scene(NamedTuple):
-    """A station with an interface of each kind, and their far ends."""
+    """Station with an interface of each kind, and their far ends."""
 
     bench: Bench
     links: dict[str, Link]
@@ -43,7 +43,7 @@ Make = Callable[[], Scene]
 
 @pytest.fixture(scope="module")
 def make(launch_shared: Launcher, brokers_shared: Brokers, tmp_path_factory: pytest.TempPathFactory) -> Make:
-    """Makes scenes, all of it joined: what is sent gets to the other side, both ways."""
+    """Return a function that creates scenes in which all ends are connected, in both directions."""
     return lambda: _scene(launch_shared, brokers_shared, tmp_path_factory.mktemp("l"))
 
 
@@ -66,7 +66,7 @@ def _scene(launch: Launcher, brokers: Brokers, folder: Path) -> Scene:
             interfaces=FRAMINGS,
             more="\n".join(toml_table(f"interfaces.{name}", link.table) for name, link in others.items() if link.table),
             endpoint=others["ipc"].endpoint,
-            reception={"duplicate_window_s": 0.0},  # recordings of the same are replayed into it one after the other
+            reception={"duplicate_window_s": 0.0},  # recordings of the same messages are replayed into it one by one
         )
     links = {name: Datagrams(air) for name, air in bench.airs.items()} | others
     for link in links.values():

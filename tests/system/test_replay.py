@@ -1,4 +1,4 @@
-"""A recording, replayed into another station: its users get what the first one's got, octet for octet."""
+"""Replay into another station: its users receive the same octets as those of the first."""
 
 import json
 import signal
@@ -11,23 +11,23 @@ from typing import Any
 
 import pytest
 
-from board.errors import ProtocolError
-from firmware.codec import capture
-from firmware.codec.pcapng import Direction
+from board.runtime.errors import ProtocolError
+from firmware.recordings import capture
+from firmware.recordings.pcapng import Direction
 from tests.system.air import GEONETWORKING, NEIGHBOUR
 from tests.system.conftest import Bench, Launcher
 from tests.system.recordings import tshark_opens
 from tests.system.station import BETWEEN, PATIENCE, PROGRAM, ROOT
 from tests.system.user import Received, mark
 
-NOT_OF_THE_MESSAGE = ("sec", "usec")  # of reception: it is another moment
+NOT_OF_THE_MESSAGE = ("sec", "usec")  # time of reception, which differs in a replay
 
 
 def frame(pdu: bytes, number: int, area: bool = False) -> bytes:
-    """Of stations with places and classes of their own; with an area a GeoBroadcast."""
+    """Return a frame of a station whose address, place and traffic class depend on number; with area, a GeoBroadcast."""
     from drivers.message import Area, Ego, MessageType, Position, Request, Shape
     from drivers.wire import frame as ethernet
-    from drivers.wire.geonet_sender import Sender
+    from drivers.wire.geonet.sender import Sender
 
     mac = bytes.fromhex("02000000a0") + bytes((number,))
     place = Position(487_668_616 + number * 1000, 114_320_680 - number * 1000)
@@ -39,14 +39,14 @@ def frame(pdu: bytes, number: int, area: bool = False) -> bytes:
 
 @pytest.fixture
 def on_air(frames: dict[str, bytes], vectors: list[dict[str, Any]]) -> list[bytes]:
-    """An independent station's frames, all message types by both transports, and what a station drops."""
+    """Return an independent station's frames, all message types by both transports, and frames that are dropped."""
     made = [frame(row["pdu"], at, area) for area in (False, True) for at, row in enumerate(vectors)]
     return [*frames.values(), *made, made[-1], made[0][:40], b"\xff" * 12 + b"\x89\x47"]
 
 
 @contextmanager
 def recorded(bench: Bench, path: Path, count: int) -> Iterator[None]:
-    """What the station receives meanwhile goes into a file, which has so many frames at the end."""
+    """Record a station during a block. At the end the file must contain `count` frames."""
     reports = bench.station.ports["report"]
     child = subprocess.Popen(
         [*PROGRAM, "record", "--pcapng", str(path), "--report", str(reports)], stderr=subprocess.PIPE
@@ -69,7 +69,7 @@ def frames_in(path: Path) -> int:
         try:
             return sum(one.direction is Direction.IN for one in capture.frames(stream.read(4), stream))
         except ProtocolError:
-            return 0  # the last block is half written
+            return 0  # the last block of the file is incomplete
 
 
 def replay(*arguments: str) -> dict[str, Any]:
@@ -82,7 +82,7 @@ def replay(*arguments: str) -> dict[str, Any]:
 
 
 def indications(bench: Bench, count: int) -> list[tuple[bytes, bytes, dict[str, Any]]]:
-    """Envelope, PDU and all that is known of each message but the moment when it was received."""
+    """Return envelope, PDU and all facts of each received message except its time of reception."""
     found = [bench.user.receive() for _ in range(count)]
     bench.user.hears_nothing_before_a_mark(bench.air)
     return [_described(one) for one in found]
@@ -112,11 +112,11 @@ def test_a_recording_replayed_into_a_second_station_gives_byte_identical_indicat
     assert len(expected) >= 24
     told = replay(str(path), "--udp", "{}:{}".format(*second.air.station))
     assert told["read"] == told["sent"] == len(on_air)
-    # Types have lanes: what came first of two types may be delivered after the other.
+    # Each type has its own reception queue, so the order of two types may change.
     assert by_type(indications(second, len(expected))) == by_type(expected)
 
 
-# What the CAMs of captures/air.json begin with, and where their stations were.
+# First octets of the CAMs in captures/air.json, and the positions of their stations.
 REAL = {
     "02029c6bc793": (535505166, 99353789),
     "0202bb4301ae": (0x1C7F0B41, 0x07C7FF4B),
@@ -126,7 +126,7 @@ REAL = {
 
 @pytest.fixture
 def real(tmp_path: Path) -> Path:
-    """Captures of what real stations sent, of each link a file: radiotap, and Ethernet around bare packets."""
+    """Return a folder with captures of real stations: one with radiotap, one with Ethernet headers added."""
     rows = json.loads((ROOT / "tests" / "captures" / "air.json").read_text())["frames"]
     around = b"\xff" * 6 + NEIGHBOUR + GEONETWORKING.to_bytes(2)
     files: dict[int, list[bytes]] = {}

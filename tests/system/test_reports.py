@@ -1,4 +1,4 @@
-"""Options on 5557, and what 5558 says: status once a second, a confirm for every step of every request."""
+"""Options on port 5557; on 5558, status once a second and confirms of each request."""
 
 import hashlib
 import json
@@ -57,9 +57,9 @@ def test_the_time_comes_once_a_second_and_says_what_is_promised(shared_reports: 
     topic, clock = shared_reports.next("time.")
     assert topic == "time."
     assert set(clock) == CLOCK_KEYS
-    assert clock["state"] in ("unknown", "system")  # a station with udp alone
+    assert clock["state"] in ("unknown", "system")  # the station has only udp interfaces
     assert (clock["pulse"], clock["receiver"]) == (None, "")
-    # Less than half a leap second: 5 are counted since 2004.
+    # ITS time counts 5 leap seconds since 2004. The tolerance is less than one of them.
     assert abs(clock["its_ms"] / 1000 - (time.time() - 1_072_915_200 + 5)) < 0.5
     assert 0 <= time.monotonic() - clock["monotonic"] < 60.0
     assert clock["leap"]["seconds"] == 5

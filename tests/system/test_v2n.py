@@ -11,8 +11,9 @@ import pytest
 
 from tests.broker.bad import Listener, old_tls, silent
 from tests.broker.fixtures import Brokers
+from tests.firmware.profile_table import TABLE
 from tests.system.conftest import Bench, Launcher
-from tests.system.test_contract_tables import ALL, pdu_of
+from tests.system.test_contract_tables import pdu_of
 from tests.system.user import mark
 from tests.system.v2n import HOST, NAME, STATUS, V2n, connected, launched, text, until, until_up
 
@@ -41,7 +42,7 @@ def test_the_example_of_the_contract_to_the_octet(v2n: V2n) -> None:
     assert (message.qos, message.is_retained, message.user_properties) == (1, False, ())
 
 
-@pytest.mark.parametrize(("number", "name", "port", "_"), ALL)
+@pytest.mark.parametrize(("number", "name", "port", "_"), TABLE)
 def test_each_type_is_published_under_its_port(v2n: V2n, number: int, name: str, port: int, _: int) -> None:
     v2n.bench.user.send(b"v2x.%s." % name.encode(), pdu_of(number))
     message = v2n.hears()
@@ -233,7 +234,7 @@ def test_a_password_is_taken_from_its_file(launch: Launcher, brokers: Brokers, t
     until_up(launched(launch, brokers, broker.url, username="vehicle", password_file=str(file)))
 
 
-# ---------------------------------------------------------------- what goes wrong with it, by name
+# ---------------------------------------------------------------- causes of failure, reported by name
 
 
 def why_not(launch: Launcher, brokers: Brokers, url: str, words: str, **options: Any) -> Bench:

@@ -1,4 +1,4 @@
-"""Bad input from the broker's side: counted by reason with a sample, and nobody else is held up."""
+"""Bad input of a broker: counted by reason; other interfaces go on."""
 
 import json
 import re
@@ -123,7 +123,7 @@ def test_a_flood_of_rubbish_is_counted_to_the_last(v2n: V2n) -> None:
     v2n.dropped("payload", before + 3000)
 
 
-# ---------------------------------------------------------------- brokers that are none
+# ---------------------------------------------------------------- peers that are not brokers
 
 
 def is_unaffected(bench: Bench) -> None:

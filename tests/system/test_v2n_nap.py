@@ -1,13 +1,13 @@
-"""Vanetza-NAP's examples through a station and a real broker: what applications send, and what they are told."""
+"""Vanetza-NAP's examples through a station and a real broker."""
 
 import json
 
 import pytest
 
-from drivers.wire.v2n_payload_nap import NapReceived
+from drivers.wire.v2n.payload.nap import NapReceived
 from tests.broker.fixtures import Brokers
 from tests.cases.nap import RECEIVED, TO_SEND, body, fields, unlike
-from tests.drivers.wire.nap import LIBRARY
+from tests.drivers.wire.v2n.payload.nap import LIBRARY
 from tests.system.conftest import Launcher
 from tests.system.v2n import NAME, V2n, launched, until_up
 

@@ -8,7 +8,7 @@ import pytest
 from tests.broker.fixtures import Brokers
 from tests.cases import orange
 from tests.cases.test_orange import VEHICLE, WITH_SCHEMA
-from tests.drivers.wire.v2n_station import AS_JSON, SENDABLE, VECTORS, WITHOUT_JSON, in_envelope
+from tests.drivers.wire.v2n.station import AS_JSON, SENDABLE, VECTORS, WITHOUT_JSON, in_envelope
 from tests.system.conftest import Launcher
 from tests.system.station import toml_table
 from tests.system.user import mark

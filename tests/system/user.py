@@ -1,4 +1,4 @@
-"""A user program as it exists: plain pyzmq sockets over TCP, nothing of the station's own code."""
+"""User program for tests: pyzmq sockets over TCP, without the station's code."""
 
 import itertools
 import json
@@ -9,25 +9,26 @@ from typing import Any, NamedTuple, Protocol
 
 import zmq
 
+from tests.reference.topics import undocumented
 from tests.system.air import Air
 from tests.system.rawrx import decode
 from tests.system.station import PATIENCE, Station
 
 HEARTBEAT = re.compile(rb'\{"heartbeat_counter": (0|[1-9][0-9]{0,4})\}')
 JOIN_MS = 20
-SUBSCRIBED = b"\1"  # to everything
+SUBSCRIBED = b"\1"  # subscription to everything
 
-# Station ids of marker messages; no test uses them otherwise.
+# StationIDs of marker messages. Tests do not use them for other messages.
 _marks = itertools.count(0xF0000000)
 
 
 def mark() -> bytes:
-    """A CAM that no other is equal to: what arrives after it was sent after it."""
+    """Return a unique CAM. When it arrives, all earlier messages have arrived."""
     return bytes((2, 2)) + next(_marks).to_bytes(4, "big") + b"mark"
 
 
 class Received(NamedTuple):
-    """The two messages of one PDU on 5556."""
+    """Both messages of a PDU on port 5556."""
 
     raw: bytes  # RawRxMessage
     envelope: bytes
@@ -39,15 +40,15 @@ class Received(NamedTuple):
 
 
 class Sender(Protocol):
-    """A far end of some interface."""
+    """Far end of an interface, which sends PDUs to the station."""
 
     def send(self, pdu: bytes, /) -> object: ...
 
 
 class User:
-    """A PUB to 5555, a SUB to 5556 that takes everything, a PUSH to 5557.
+    """User with a PUB to 5555, a SUB to 5556 that is subscribed to everything, and a PUSH to 5557.
 
-    The PUB is an XPUB, which is the same on the wire, and can say when the station's subscription has come.
+    The PUB is an XPUB, which is the same on the wire and shows when the station's subscription has arrived.
     """
 
     def __init__(self, context: zmq.Context[zmq.Socket[bytes]], station: Station) -> None:
@@ -67,14 +68,14 @@ class User:
         return made
 
     def join(self, air: Air) -> "User":
-        """Until nothing that this user sends is lost, and what is on the air arrives here."""
+        """Wait until messages of this user reach the station, and messages on the air reach this user."""
         while self.pub.recv() != SUBSCRIBED:
             pass
         self.join_receiving(air)
         return self
 
     def join_receiving(self, air: Sender) -> None:
-        """Until a probe arrives: what else does may lie here since an earlier subscription."""
+        """Wait until a probe arrives. Other messages may be left from an earlier subscription and are discarded."""
         probes: set[bytes] = set()
         for probe in _probes():
             air.send(probe)
@@ -85,29 +86,29 @@ class User:
         self.forget_until(last)
 
     def _receives(self, probes: set[bytes]) -> bool:
-        """Whether one of them has come, or comes soon."""
+        """Return True if one of the probes has arrived or arrives soon."""
         while self.sub.poll(JOIN_MS):
             if self.sub.recv_multipart()[-1] in probes:
                 return True
         return False
 
     def forget_until(self, pdu: bytes, again: Callable[[], None] = lambda: None) -> None:
-        """Read away all that was published up to a PDU; what makes it come is done again at each other message."""
+        """Discard messages until a PDU arrives. again() is called after each other message, to cause it once more."""
         end = time.monotonic() + PATIENCE
         while self.sub.recv_multipart()[-1] != pdu:
             assert time.monotonic() < end, "nothing but heartbeats came"
             again()
 
     def send(self, *frames: bytes) -> None:
-        """By 5555."""
+        """Send a message by port 5555."""
         self.pub.send_multipart(frames)
 
     def push_pdu(self, envelope: bytes, pdu: bytes, **options: Any) -> None:
-        """By 5557."""
+        """Send a message with options by port 5557."""
         self.push.send_multipart([envelope, pdu] + ([json.dumps(options).encode()] if options else []))
 
     def next_frames(self) -> list[bytes]:
-        """The next message on 5556 that is no heartbeat. Whatever the contract does not name fails here."""
+        """Return the next message on 5556 except heartbeats. Fail for a message that the contract does not define."""
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
             frames = self.sub.recv_multipart()
@@ -120,7 +121,7 @@ class User:
         raise AssertionError("nothing but heartbeats came")
 
     def receive(self) -> Received:
-        """The next PDU: its raw. message, then its v2x. message."""
+        """Return the next PDU: its `raw.` message, then its `v2x.` message."""
         first, second = self.next_frames(), self.next_frames()
         assert first[0] == b"raw.", f"raw. comes first, not {first[0]!r}"
         assert second[0].startswith(b"v2x."), second
@@ -129,7 +130,7 @@ class User:
         return received
 
     def beat(self) -> int:
-        """The next heartbeat's count."""
+        """Return the count of the next heartbeat."""
         while True:
             frames = self.sub.recv_multipart()
             if frames[0] == b"hb.counter":
@@ -138,7 +139,7 @@ class User:
                 return int(beat[1])
 
     def hears_nothing_before_a_mark(self, air: Air) -> None:
-        """What was thrown at the station before this moment was not passed on; good messages still are."""
+        """Check that all frames sent before this call were dropped: the next message to this user is a new mark."""
         air.send(pdu := mark())
         assert self.receive().pdu == pdu
 
@@ -148,20 +149,20 @@ class User:
 
 
 def air_hears_nothing_before_a_mark(user: User, air: Air) -> None:
-    """What the user sent before this moment did not leave; good messages still do."""
+    """Check that all messages of the user before this call were dropped: the next one on the air is a new mark."""
     user.send(b"v2x.cam.", pdu := mark())
     assert air.hear().pdu == pdu
 
 
 class Reports:
-    """A SUB to 5558."""
+    """Subscriber of the reports on port 5558."""
 
     def __init__(self, context: zmq.Context[zmq.Socket[bytes]], station: Station, topic: bytes = b"") -> None:
         self.sub = User._socket(context, zmq.SUB, station.address("report"))
         self.sub.subscribe(topic)
 
     def join(self, user: User) -> "Reports":
-        """Until confirms of what the user pushes arrive here. What is refused goes on no air."""
+        """Wait until confirms of the user's requests arrive. The requests are refused, so that none is sent."""
         for number, _ in enumerate(_probes()):
             user.push_pdu(b"v2x.join", b"", label=f"join{number}")
             while self.sub.poll(JOIN_MS):
@@ -171,17 +172,19 @@ class Reports:
         raise AssertionError("no confirm came")
 
     def next(self, topic: str = "confirm.") -> tuple[str, dict[str, Any]]:
-        """The next message whose topic begins so."""
+        """Return the next message whose topic begins with `topic`."""
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
             frames = self.sub.recv_multipart()
             assert len(frames) == 2, frames
             if frames[0].startswith(topic.encode()):
-                return frames[0].decode(), json.loads(frames[1])
+                found, said = frames[0].decode(), json.loads(frames[1])
+                assert undocumented(found.split(".")[0], said) == []
+                return found, said
         raise AssertionError(f"no {topic} came")
 
     def confirms_of(self, label: str, count: int) -> list[dict[str, Any]]:
-        """The next confirms that carry a label."""
+        """Return the next `count` confirms with a label."""
         found: list[dict[str, Any]] = []
         while len(found) < count:
             message = self.next("confirm.")[1]

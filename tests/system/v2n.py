@@ -1,4 +1,4 @@
-"""A station with an ITS-G5 interface and one to a real broker, and an independent client that observes it there."""
+"""V2N: station with a radio and a real broker, and an observing client there."""
 
 from base64 import b64encode
 from collections.abc import Callable
@@ -12,36 +12,36 @@ from tests.system.station import Table, toml_table
 from tests.system.user import mark
 
 HOST = "vm"
-NAME = "v2n"  # of the interface
+NAME = "v2n"  # name of the interface
 ANY_PDU = "v2x/btp/#"
 STATUS = "v2x/status"
-PATIENCE = 15.0  # s, for what may need a second try with its back-off; reached only by a test that fails
+PATIENCE = 15.0  # timeout in seconds, long enough for a retry after the back-off; only a failing test reaches it
 
 
 def text(host: str, port: int, pdu: bytes) -> str:
-    """The payload of the contract, section 4."""
+    """Return the payload of a PDU by section 4 of the contract."""
     return f"{host}({port}): <{b64encode(pdu).decode()}>"
 
 
 class V2n(NamedTuple):
-    """All that a test needs of both ends."""
+    """Both ends of the connection: station, broker and observer."""
 
     bench: Bench
     broker: Mosquitto
     observer: Client
 
     def says(self, pdu: bytes, port: int = 2001, host: str = "other") -> None:
-        """Another station publishes a PDU as the original does."""
+        """Publish a PDU in the name of another station, as the original implementation does."""
         self.observer.publish(f"v2x/btp/{port}", text(host, port, pdu))
 
     def hears(self) -> Message:
-        """The next message of this station that carries a PDU."""
+        """Return the next message of this station that carries a PDU."""
         while not (message := self.observer.next()).payload.startswith(f"{HOST}(".encode()):
             pass
         return message
 
     def settled(self) -> "V2n":
-        """Without what an earlier test left unread, both ways."""
+        """Return this object after discarding messages that an earlier test left unread, at both ends."""
         self.bench.settled()
         self.bench.user.send(b"v2x.cam.", pdu := mark())
         while self.bench.air.hear().pdu != pdu:
@@ -52,13 +52,13 @@ class V2n(NamedTuple):
         return self
 
     def hears_nothing_before_a_mark(self) -> None:
-        """What was published before this moment reaches no user; good messages still do, and those of the air."""
+        """Check that all messages published before this call were dropped, and that new ones reach the user."""
         self.says(pdu := mark())
         assert self.bench.user.receive().pdu == pdu
         self.bench.user.hears_nothing_before_a_mark(self.bench.air)
 
     def dropped(self, reason: str, count: int) -> dict[str, Any]:
-        """Wait until so many are dropped for a reason; returns the row of the status."""
+        """Wait until `count` messages are dropped for a reason; return the row of the status."""
 
         def rows(status: dict[str, Any]) -> list[dict[str, Any]]:
             return [row for row in status["drops"] if (row["where"], row["reason"]) == (NAME, reason)]
@@ -70,7 +70,7 @@ class V2n(NamedTuple):
 
 
 def table(brokers: Brokers, url: str, **options: Any) -> Table:
-    """[interfaces.v2n] of a station with a good certificate. An option that is None is left out."""
+    """Return [interfaces.v2n] of a station with a valid certificate. An option that is None is left out."""
     known = brokers.certificates
     good = {
         "driver": "mqtt",
@@ -85,18 +85,18 @@ def table(brokers: Brokers, url: str, **options: Any) -> Table:
 
 
 def launched(launch: Launcher, brokers: Brokers, url: str, **options: Any) -> Bench:
-    """A started station with both interfaces; the broker may be anything."""
+    """Start a station with both interfaces. The URL may be that of any broker, even an invalid one."""
     return launch("btp", more=toml_table(f"interfaces.{NAME}", table(brokers, url, **options)))
 
 
 def state(status: dict[str, Any]) -> tuple[str, str]:
-    """Of the interface: its state, and why."""
+    """Return state and reason of the interface from the status of the station."""
     one = status["interfaces"][NAME]
     return one["state"], one["why"]
 
 
 def until(bench: Bench, holds: Callable[[str, str], bool]) -> str:
-    """Wait for a state of the interface; returns why."""
+    """Wait until holds() returns True for state and reason of the interface; return the reason."""
     return state(bench.station.until(lambda status: holds(*state(status)), PATIENCE))[1]
 
 
@@ -105,7 +105,7 @@ def until_up(bench: Bench) -> str:
 
 
 def connected(launch: Launcher, brokers: Brokers, broker: Mosquitto | None = None, **options: Any) -> V2n:
-    """A station that is connected to a broker, and an observer that was there before."""
+    """Return a station that is connected to a broker, and an observer that connected before it."""
     broker = broker or brokers()
     observer = brokers.client(broker).subscribe(ANY_PDU, STATUS, no_local=True)
     bench = launched(launch, brokers, broker.url, **options)

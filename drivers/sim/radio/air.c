@@ -1,4 +1,4 @@
-/* The air: UDP datagrams, each a whole Ethernet frame as Vanetza's tools send them. One thread listens. */
+/* Simulated air: UDP datagrams, each a whole Ethernet frame as Vanetza's tools send them. One thread receives. */
 #define _GNU_SOURCE /* M_PI */
 #include <math.h>
 #include <poll.h>
@@ -12,11 +12,11 @@
 #include "radio.h"
 
 enum { MS = 1000000 };
-enum { BATCH = 64 };       /* frames taken in one turn */
-enum { MAX_DELAYED = 512 }; /* frames on their way: 100 ms of 5000 a second */
-enum { REORDER_MS = 20 };  /* what is reordered comes so much later: at 1000 a second 20 overtake it */
+enum { BATCH = 64 };       /* frames received per turn of the loop */
+enum { MAX_DELAYED = 512 }; /* frames in transit: 100 ms at 5000 per second */
+enum { REORDER_MS = 20 };  /* delay of a reordered frame: 20 frames overtake it at 1000 per second */
 enum { MAX_TEXT = 1024 };  /* characters of a command */
-enum { MAX_HOPPED = 64 };  /* packets remembered that others may pass on */
+enum { MAX_HOPPED = 64 };  /* multi-hop packets remembered for duplicate detection */
 
 static struct delayed {
     int64_t due_ns;
@@ -34,9 +34,9 @@ static size_t hopped_next;
 
 static int air = -1, control = -1, stop = -1;
 static pthread_t thread;
-static uint64_t state; /* of the random numbers */
+static uint64_t state; /* of the random number generator */
 
-/* xorshift64* (Vigna, 2016): 0 up to 1, 1 excluded. */
+/* Returns a random number from 0 to 1, 1 excluded; xorshift64* (Vigna, 2016). */
 static double chance(void)
 {
     state ^= state >> 12;
@@ -88,7 +88,8 @@ static void delay(const uint8_t *frame, size_t length, int16_t rssi, double dela
     radio.counters.overflow++;
 }
 
-/* dBm of a frame as it arrives. The place that sent it is that of its maker: these radios pass on nothing. */
+/* Returns the received power of a frame in dBm. The transmitter is at the position of the packet's source: these radios
+ * forward nothing. */
 static double strength(const uint8_t *frame, size_t length)
 {
     struct packet packet;
@@ -98,7 +99,7 @@ static double strength(const uint8_t *frame, size_t length)
     return path_power_dbm(&radio.settings, packet.source, sqrt(-2 * log(1 - one)) * cos(2 * M_PI * other));
 }
 
-/* length  0: longer than any frame of ours, or empty. */
+/* Processes a frame that the air delivers; length is 0 for an empty or oversized frame. */
 static void arrive(const uint8_t *frame, size_t length)
 {
     const struct settings *settings = &radio.settings;
@@ -136,7 +137,7 @@ static struct delayed *next_delayed(void)
     return next;
 }
 
-/* Delivers what is due; ms until the next is, or -1. */
+/* Delivers frames that are due; returns the ms until the next one, or -1. */
 static int deliver_due(void)
 {
     for (struct delayed *next; (next = next_delayed());) {
@@ -191,7 +192,7 @@ static void *listen_on(void *unused)
         int wait_ms = sooner(control_presence(), deliver_due());
         pthread_mutex_unlock(&radio.lock);
         if (poll(watched, 3, wait_ms) < 0)
-            watched[0].revents = watched[1].revents = watched[2].revents = 0; /* a signal came */
+            watched[0].revents = watched[1].revents = watched[2].revents = 0; /* a signal interrupted poll() */
     }
     return NULL;
 }
@@ -210,7 +211,7 @@ static int open_socket(const struct sockaddr_in *at)
 bool air_open(void)
 {
     const struct settings *settings = &radio.settings;
-    state = settings->seed * 0x9E3779B97F4A7C15ULL | 1; /* never 0, and far apart for neighbouring seeds */
+    state = settings->seed * 0x9E3779B97F4A7C15ULL | 1; /* never 0, and very different for consecutive seeds */
     stop = eventfd(0, EFD_CLOEXEC);
     air = open_socket(&settings->listen);
     if (settings->control.sin_family)
@@ -223,7 +224,7 @@ void air_send(const uint8_t *frame, size_t length)
 {
     for (size_t at = 0; at < radio.settings.peer_count; at++) {
         const struct sockaddr_in *peer = &radio.settings.peers[at];
-        /* Nobody there, or its queue is full: that is the air's way. */
+        /* Errors are ignored: without a receiver, or with a full queue, the frame is lost, as on the air. */
         (void)!sendto(air, frame, length, MSG_DONTWAIT, (const struct sockaddr *)peer, sizeof *peer);
     }
 }

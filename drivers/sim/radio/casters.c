@@ -4,7 +4,7 @@
 #include <string.h>
 #include <time.h>
 
-enum { DATA_RATE = 12 }; /* 6 Mbit/s, what ITS-G5 uses on the control channel (EN 302 663) */
+enum { DATA_RATE = 12 }; /* in 500 kbit/s: 6 Mbit/s, as ITS-G5 uses on the control channel (EN 302 663) */
 enum { NS = 1000000000 };
 
 static struct caster casters[MAX_HANDLERS];
@@ -74,7 +74,7 @@ static void describe(struct rx_info *info, const struct packet *packet)
 
 static void append(struct caster *caster, const struct packet *packet)
 {
-    if (caster->count == QUEUE) { /* the oldest goes */
+    if (caster->count == QUEUE) { /* the queue is full: drop the oldest */
         caster->first = (caster->first + 1) % QUEUE;
         caster->count--;
         radio.counters.overflow++;

@@ -1,4 +1,4 @@
-/* The handlers of a process: who may use each, and what was received for it. */
+/* Handlers of a process, each with its owner thread and its queue of received PDUs. */
 #ifndef CASTERS_H
 #define CASTERS_H
 
@@ -14,19 +14,19 @@ struct received {
 
 struct caster {
     bool is_open;
-    pthread_t owner; /* the thread that made it: no other may use it */
+    pthread_t owner; /* the thread that created it; other threads are refused */
     unsigned epoch;
     int mode;
     uint16_t caster_id;
     uint16_t btp_port; /* of its profile */
     size_t first, count;
-    struct received queue[QUEUE]; /* a ring */
+    struct received queue[QUEUE]; /* ring buffer */
 };
 
-/* The lock is held in all of them. */
-int casters_open(int mode, const struct profile *profile); /* the handler, or -1: too many */
-struct caster *casters_find(int handler);                  /* NULL: there is none */
-const struct profile *casters_profile(uint16_t caster_id); /* NULL: the module has none */
-bool casters_wait(int64_t until_ns);                       /* for a change; false when the time is over */
+/* All of these need the lock held by the caller. */
+int casters_open(int mode, const struct profile *profile); /* returns the handler; -1 above the limit */
+struct caster *casters_find(int handler);                  /* NULL if it does not exist */
+const struct profile *casters_profile(uint16_t caster_id); /* NULL if the module has none */
+bool casters_wait(int64_t until_ns);                       /* waits for a change; returns false on timeout */
 
 #endif

@@ -1,4 +1,4 @@
-/* What changes while the radio runs: by command, or by the time. */
+/* Changes of the radio at run time, by commands and by timers. */
 #define _POSIX_C_SOURCE 200809L
 #include <signal.h>
 #include <stdio.h>
@@ -9,7 +9,7 @@
 
 enum { MS = 1000000 };
 
-static int64_t change_at; /* when the module goes away or comes back; 0: never */
+static int64_t change_at; /* time when the module disappears or returns; 0: never */
 
 int64_t now_ns(void)
 {
@@ -64,7 +64,7 @@ void control_answer(const char *command, char *answer, size_t size)
     radio.settings = wanted;
     if (wanted.is_down != was_down)
         set_down(wanted.is_down);
-    casters_wake(); /* who hangs looks again */
+    casters_wake(); /* hanging calls check the settings again */
     if (wanted.crashes)
         crash();
     const struct counters *seen = &radio.counters;

@@ -1,4 +1,4 @@
-/* What the library answers when a call fails: numbers of two generations of the SDK, and their texts. */
+/* Error numbers of failed calls, from two generations of the SDK, and their texts. */
 #ifndef FAULT_H
 #define FAULT_H
 
@@ -25,10 +25,10 @@ enum fault {
     FAULTS
 };
 
-/* The number of a fault; is_old chooses that of SDK 1.7. */
+/* Returns the number of a fault; is_old selects that of SDK 1.7. */
 int fault_number(enum fault fault, int is_old);
 
-/* What error_msg() says of a number. */
+/* Returns the text of error_msg() for a number. */
 const char *fault_text(int number, int is_old);
 
 #endif

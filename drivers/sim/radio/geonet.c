@@ -60,13 +60,13 @@ static uint8_t *put_sender(uint8_t *to, const struct sender *sender)
     to = put(put16(to, 0), sender->mac, sizeof sender->mac); /* GN_ADDR: automatic, station type unknown */
     to = put32(to, sender->timestamp);
     to = put32(put32(to, (uint32_t)sender->position.latitude), (uint32_t)sender->position.longitude);
-    return put16(put16(to, ACCURATE), 0); /* it stands still */
+    return put16(put16(to, ACCURATE), 0); /* PAI is set; speed and heading are 0 */
 }
 
 static uint8_t *put_area(uint8_t *to, const struct packet *packet)
 {
     const struct area *area = &packet->area;
-    int is_circle = area->type == 0; /* clause 9.8.5.2: its radius is distance a */
+    int is_circle = area->type == 0; /* clause 9.8.5.2: distance a is its radius */
     to = put32(put32(to, (uint32_t)packet->centre.latitude), (uint32_t)packet->centre.longitude);
     to = put16(put16(to, area->distance_a), is_circle ? 0 : area->distance_b);
     return put16(put16(to, is_circle ? 0 : area->angle), 0);
@@ -90,7 +90,8 @@ size_t geonet_encode(uint8_t frame[MAX_FRAME], const struct sender *sender, cons
     return (size_t)(put(to, packet->payload, packet->length) - frame);
 }
 
-/* Octets of the extended header, and where in it the position vector begins; 0 for what is not to everybody. */
+/* Returns the size of the extended header, and the offset of its position vector; 0 for types other than SHB, TSB and
+ * GBC. */
 static size_t extended(unsigned type, size_t *vector)
 {
     *vector = type == TYPE_SHB ? 0 : 4;
@@ -118,7 +119,7 @@ bool geonet_decode(struct packet *packet, const uint8_t *frame, size_t length)
     memcpy(packet->source_mac, frame + 6, 6);
     memcpy(packet->maker_mac, header + vector + 2, 6);
     packet->source = get_position(header + vector + 12);
-    packet->is_multi_hop = vector > 0; /* behind its sequence number */
+    packet->is_multi_hop = vector > 0; /* its sequence number precedes the position vector */
     if (packet->is_multi_hop)
         packet->sequence = (uint16_t)get16(header);
     if (size == GEO_BROADCAST) {

@@ -5,10 +5,10 @@
 
 static const double FREQUENCY_HZ = 5.9e9, LIGHT_M_S = 299792458.0;
 static const double CUT_DB = 9.0, INSIDE_DB_M = 0.4;
-static const double DEGREE_M = 111319.5; /* of latitude; of longitude at the equator */
+static const double DEGREE_M = 111319.5; /* metres per degree of latitude, and per degree of longitude at the equator */
 
 struct point {
-    double east, north; /* metres from the place that receives */
+    double east, north; /* metres from the origin, the receiving radio */
 };
 
 static struct point seen_from(struct position origin, struct position place)
@@ -20,20 +20,20 @@ static struct point seen_from(struct position origin, struct position place)
     };
 }
 
-/* The part of a line from 0 to `to` that lies between two bounds, along one axis; first and last are cut down to it. */
+/* Clips a line from 0 to `to` between two bounds of one axis: narrows first and last, shares of its length. */
 static void clip(double to, double bound, double other, double *first, double *last)
 {
     double low = fmin(bound, other), high = fmax(bound, other);
     if (to == 0) {
         if (low >= 0 || high <= 0)
-            *last = -1; /* it runs beside, all along */
+            *last = -1; /* the line is at right angles to the axis, outside of the bounds */
         return;
     }
     *first = fmax(*first, fmin(low / to, high / to));
     *last = fmin(*last, fmax(low / to, high / to));
 }
 
-/* Liang and Barsky, 1984: between first and last of its length the line is inside. */
+/* Returns the loss by a building. Liang and Barsky, 1984: the line is inside between first and last of its length. */
 static double building_db(const struct building *building, struct position origin, struct point to, double length)
 {
     struct point one = seen_from(origin, building->corner), other = seen_from(origin, building->opposite);

@@ -78,7 +78,7 @@ static bool endpoint(char *text, struct sockaddr_in *value)
     return true;
 }
 
-/* Calls one function for each item of a list with commas. */
+/* Calls a function for each item of a comma-separated list; stops at the first invalid item. */
 static bool each(char *list, struct settings *settings, bool (*take)(char *item, struct settings *settings))
 {
     char *rest = list;
@@ -233,7 +233,7 @@ bool settings_read(struct settings *settings, const char *text, char *fault, siz
         size_t length = strcspn(text, " \t\r\n");
         char word[MAX_WORD], whole_word[MAX_WORD];
         if (length >= sizeof word)
-            length = sizeof word - 1; /* which no key takes */
+            length = sizeof word - 1; /* too long for every key, so it is refused */
         snprintf(word, sizeof word, "%.*s", (int)length, text);
         memcpy(whole_word, word, sizeof word);
         text += length;

@@ -1,4 +1,4 @@
-/* The library's calls, as strict as the real one: what a handler's thread made no other may use. */
+/* Calls of the library, as strict as in the real one: only the thread that created a handler may use it. */
 #define _POSIX_C_SOURCE 200809L
 #include "v2xcast.h"
 
@@ -11,9 +11,9 @@
 #include "casters.h"
 #include "fault.h"
 
-/* ITS time: from 2004-01-01, with the leap seconds since (5 from 2017 on; IERS Bulletin C). */
+/* Epoch of ITS time, 2004-01-01, as Unix time; less the leap seconds since then (5 since 2017; IERS Bulletin C). */
 enum { EPOCH_S = 1072915200 - 5 };
-enum { DEFAULT_TRAFFIC_CLASS = 2, DEFAULT_HOP_LIMIT = 10 }; /* of the profile */
+enum { DEFAULT_TRAFFIC_CLASS = 2, DEFAULT_HOP_LIMIT = 10 }; /* defaults of the profile */
 enum { MS = 1000000 };
 #define FOREVER INT64_MAX
 
@@ -30,7 +30,7 @@ static int refuse(enum fault fault)
     return leave(fault_number(fault, radio.settings.is_old));
 }
 
-/* The number that a call has been told to fail with, or 0; hangs while it has been told to. */
+/* Takes the lock. Returns the error number that the settings demand for a call, or 0; hangs while they demand it. */
 static int enter(enum call call)
 {
     pthread_mutex_lock(&radio.lock);

@@ -1,7 +1,7 @@
-/* The calls of the vendor's library as the station makes them: what drivers/v2xcast_library.py loads.
+/* Calls of the vendor's library, as drivers/som301e/library.py loads them.
  *
- * Only names and layouts are the vendor's, established from public programs that use them (V2Xcast SDK 1.7 to 1.13).
- * Natural alignment; a result of 0 or more is success.
+ * Only names and layouts are the vendor's, known from public programs that use them (V2Xcast SDK 1.7 to 1.13).
+ * Structs have natural alignment; a result of 0 or more is success.
  */
 #ifndef V2XCAST_H
 #define V2XCAST_H
@@ -42,7 +42,7 @@ struct rx_info {
     uint8_t source_mac[6];
 };
 
-/* Each field counts only where its flag is set; otherwise the caster's profile on the module decides. */
+/* A field is used only if its flag is set; otherwise the caster's profile on the module decides. */
 struct tx_info {
     uint16_t btp_port;
     uint8_t data_rate; /* in 500 kbit/s */
@@ -77,7 +77,7 @@ _Static_assert(offsetof(struct tx_info, area) == 60 && offsetof(struct tx_info, 
 VISIBLE int eu_caster_init(void);
 VISIBLE int eu_caster_deinit(void);
 
-/* handler  8 bit in SDK 1.13, 32 bit before: only as many octets of it are written. */
+/* Creates a caster. A handler has 8 bits in SDK 1.13 and 32 bits before; the call writes only that many. */
 VISIBLE int eu_caster_create(void *handler, const struct config *config);
 VISIBLE int eu_caster_tx(int handler, const struct tx_info *info, const uint8_t *octets, size_t length);
 VISIBLE int eu_caster_rx_timeout(int handler, struct rx_info *info, uint8_t *octets, size_t size, size_t *length,

@@ -1,4 +1,4 @@
-"""captain_gateway as an ament_python package, for colcon and for pip."""
+"""Setup of captain_gateway as an ament_python package, for colcon and pip."""
 
 from glob import glob
 

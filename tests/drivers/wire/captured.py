@@ -1,4 +1,4 @@
-"""Frames of an independent station (captures/frames.json), stations to talk about, and tshark's opinion of a frame."""
+"""Captured frames of an independent station, addresses for tests, fields by tshark."""
 
 import json
 import shutil
@@ -19,23 +19,23 @@ UNSECURED = [name for name in FRAMES if name not in SIGNED]
 
 OWN = bytes.fromhex("020000000001")
 NEIGHBOUR = bytes.fromhex("02000000000a")
-INGOLSTADT = Position(487668616, 114320680)  # where the captured frames were sent
+INGOLSTADT = Position(487668616, 114320680)  # position of the station in captures/frames.json
 HERE = Ego(its_ms=722_312_391_739, position=INGOLSTADT, is_known=True)
 NOWHERE = Ego(its_ms=722_312_391_739, position=Position(), is_known=False)
 
 
 def packet(name: str) -> bytes:
-    """A captured frame without its Ethernet header."""
+    """Return a captured frame without its Ethernet header."""
     return FRAMES[name][14:]
 
 
 def ethernet(octets: bytes) -> bytes:
-    """A GeoNetworking packet as a broadcast frame of the neighbour."""
+    """Return a broadcast Ethernet frame of the neighbour with a GeoNetworking packet."""
     return b"\xff" * 6 + NEIGHBOUR + b"\x89\x47" + octets
 
 
 def tshark(frames: list[bytes], folder: Path) -> list[dict[str, str]]:
-    """The GeoNetworking and BTP fields of each frame by name, as tshark shows them; leaves of the tree only."""
+    """Return the GeoNetworking and BTP fields that tshark shows for each frame, by name; only leaves of the tree."""
     if shutil.which("tshark") is None:
         pytest.fail("tshark is missing: install the package tshark")
     capture = folder / "frames.pcap"
@@ -46,7 +46,7 @@ def tshark(frames: list[bytes], folder: Path) -> list[dict[str, str]]:
 
 
 def _pcap(frames: list[bytes]) -> bytes:
-    """The classic capture file, link type Ethernet, all at time 0."""
+    """Return a pcap file with Ethernet frames, all at time 0."""
     records = [struct.pack("<IIII", 0, 0, len(frame), len(frame)) + frame for frame in frames]
     return struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1) + b"".join(records)
 

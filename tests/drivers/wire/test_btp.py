@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from board.errors import ProtocolError
+from board.runtime.errors import ProtocolError
 from drivers.wire.btp import BtpB, decode_b, encode
 
 PORT = st.integers(0, 65535)
@@ -17,7 +17,7 @@ def test_a_btp_b_header_is_the_port_and_its_info():
 
 @pytest.mark.parametrize("octets", [0, 1, 2, 3])
 def test_a_packet_shorter_than_its_header_is_refused(octets):
-    with pytest.raises(ProtocolError, match=f"{octets} octets"):
+    with pytest.raises(ProtocolError, match=f"truncated header: {octets} of"):
         decode_b(bytes(octets))
 
 

@@ -1,12 +1,12 @@
-"""Every published form of `+CPSI:`, and what is none."""
+"""Published forms of `+CPSI:`, and invalid ones."""
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from board.errors import ProtocolError
+from board.runtime.errors import ProtocolError
 from drivers.wire.cell import Access, Leg, Strength, cell_report
-from tests.drivers.wire.test_at import CAPTURED
+from tests.drivers.wire.at.test_port import CAPTURED
 
 LTE = "+CPSI: LTE,Online,460-11,0x5A1E,187214780,257,EUTRAN-BAND3,1850,5,5,-94,-850,-545,15"
 SA = "+CPSI: NR5G_SA,Online,242-12,0x765D,4955280,0,NR5G_BAND78,640704,-770,-110,290"
@@ -14,7 +14,7 @@ LEG = "+CPSI: NR5G_NSA,644,NR5G_BAND78,627264,-960,-120,95"
 
 
 def plain(value):
-    """Fields that are known, as the captures write them."""
+    """Return the known fields in the notation of the captures."""
     if isinstance(value, Access):
         return value.value
     if isinstance(value, Strength | Leg):
@@ -67,12 +67,12 @@ def test_a_gsm_cell_has_what_all_have():
         (["+CPSI: NOT IN EN-DC CONNECTED MODE"], "without a serving cell"),
         ([LEG], "without a serving cell"),
         ([LTE, SA], "a second serving cell"),
-        ([SA, LEG], "beside a cell of 5g-sa"),
-        (["+CSQ: 20,99"], "no .CPSI line"),
-        (["+CPSI: 6G,Online"], "no radio access"),
+        ([SA, LEG], "beside a serving cell of 5g-sa"),
+        (["+CSQ: 20,99"], "not a .CPSI line"),
+        (["+CPSI: 6G,Online"], "unknown radio access"),
         (["+CPSI: LTE,Online,460-11"], "3 columns"),
         ([LTE.rpartition(",")[0]], "13 columns"),
-        ([LTE.replace("460-11", "46011")], "no MCC-MNC"),
+        ([LTE.replace("460-11", "46011")], "invalid MCC-MNC"),
         ([LTE.replace("0x5A1E", "0x5G")], "base 16"),
         ([LTE.replace("187214780", "0xB28")], "base 10"),
         (["+CPSI: NR5G,Online,311-480,0x2D18,50896642,257,629952,-92,-11"], "9 columns"),

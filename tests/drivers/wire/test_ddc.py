@@ -1,4 +1,4 @@
-"""The registers of a receiver at an I2C bus."""
+"""Registers of a receiver at an I2C bus (DDC)."""
 
 import pytest
 from hypothesis import given
@@ -8,7 +8,7 @@ from drivers.wire.ddc import MOST, Ddc
 
 
 class Chip:
-    """A receiver that remembers what it was told."""
+    """Fake receiver that records the octets written to it."""
 
     def __init__(self, stream=b"", waiting=None):
         self.stream = stream

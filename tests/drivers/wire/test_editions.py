@@ -9,11 +9,11 @@ from drivers.wire.editions import NAMES, compared
 from firmware.gateway.captain_gateway.captain_gateway.codec import Edition
 from firmware.gateway.captain_gateway.captain_gateway.handlers import KINDS
 from tests.firmware.codec.standin import Message, octets
-from tests.gateway import library
+from tests.firmware.gateway import library
 
 
 class Readable(Message):
-    """With what the gateway asks for."""
+    """Message with the additional attributes that the gateway uses."""
 
     pdu = "CAM"
 
@@ -27,7 +27,7 @@ class Unreadable(Readable):
 
 
 class Gateways(library.Library):
-    """The message library of the gateway, with these messages alone."""
+    """Message library of the gateway, with only these messages."""
 
     def __init__(self, *messages: Readable) -> None:
         super().__init__()
@@ -47,7 +47,7 @@ PDU = octets(FIRST, 7, number=2)
 
 
 def others(*messages: Readable) -> list[str]:
-    """Editions that are named beside the first, by the station and by the gateway."""
+    """Return the further editions that fit; check that station and gateway agree."""
     ordered, found = compared(messages, PDU)
     handler = Edition(Gateways(*messages), ordered[0].name, "etsi_its", KINDS["cam"])
     assert handler.others(PDU) == tuple(one.name for one in found)

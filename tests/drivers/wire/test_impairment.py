@@ -1,4 +1,4 @@
-"""What an impaired way does to frames, and that it counts all of it."""
+"""Impairment of frames, with a count of each effect."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from board.errors import ConfigurationError
+from board.runtime.errors import ConfigurationError
 from drivers.wire.impairment import Burst, Impairment, Impairments
 
 FRAME = bytes(100)
@@ -26,7 +26,7 @@ ANY = st.builds(
 
 
 def passed(wanted: Impairments, frames: Sequence[bytes], period: float = 0.01) -> tuple[Impairment[int], list[int]]:
-    """The way after all frames have come out of it, and their numbers in that order."""
+    """Pass frames through an impairment. Return it, and the indexes of the frames in the order of their exit."""
     way, order = Impairment[int](wanted), list[int]()
     for number, frame in enumerate(frames):
         order += [one.about for one in way.due(number * period)]
@@ -92,7 +92,7 @@ def test_nothing_asked_changes_nothing():
 
 def test_a_loss_of_a_tenth_loses_a_tenth():
     way, _ = passed(Impairments(loss=0.1), [b""] * 100_000)
-    assert way.counts.lost == 10_021  # of this seed; three standard deviations are 285
+    assert way.counts.lost == 10_021  # number for this seed; three standard deviations are 285
 
 
 def test_bursts_are_as_long_and_as_frequent_as_gilbert_and_elliott_say():
@@ -150,5 +150,5 @@ def test_more_on_their_way_than_are_kept_are_counted():
     [{"loss": 1.1}, {"duplicate": -0.1}, {"delay_s": -1.0}, {"burst": Burst(0.1, 2.0)}, {"bit_errors": float("nan")}],
 )
 def test_what_is_no_share_is_refused(wanted: dict[str, float]):
-    with pytest.raises(ConfigurationError, match=r"is no share|is not in"):
+    with pytest.raises(ConfigurationError, match=r"share out of range|is not in"):
         Impairments(**wanted)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Morse code by ear and by numbers."""
+"""Morse code: encoding, decoding from durations, CRC."""
 
 from itertools import pairwise
 
@@ -14,7 +14,7 @@ from drivers.wire.morse import (
     MAX_PDU,
     MOST_DURATIONS,
     START,
-    Ear,
+    ToneDecoder,
     decode,
     encode,
     wav,
@@ -31,15 +31,15 @@ def spoken(durations, unit):
 
 
 def heard(octets, *cuts):
-    """The durations in a file that comes in slices."""
-    ear = Ear()
+    """Return the durations in a sound file that is read in slices."""
+    ear = ToneDecoder()
     for start, end in pairwise([0, *cuts, len(octets)]):
         ear.receive(octets[start:end])
     return ear.end()
 
 
 def written(durations):
-    """Durations as one writes Morse code."""
+    """Return durations in the written form of Morse code, as dots, dashes and spaces."""
     signs = zip(durations[::2], [*durations[1::2], 0], strict=True)
     return "".join("..-"[long - 1] + (" " if gap == 3 else "") for long, gap in signs)
 

@@ -1,4 +1,4 @@
-"""Packets out of an MQTT stream: whole ones, of a bearable size."""
+"""Packets in an MQTT stream: complete ones, up to a size limit."""
 
 from itertools import pairwise
 
@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from board.errors import ProtocolError
+from board.runtime.errors import ProtocolError
 from drivers.wire.mqtt_packets import Oversized, Packets
 
 LIMIT = 300
@@ -15,7 +15,7 @@ PINGRESP = bytes.fromhex("d000")
 
 
 def packet(first: int, body: bytes) -> bytes:
-    """With the length as MQTT 5.0, clause 1.5.5 writes it."""
+    """Return a packet, with the length encoded by MQTT 5.0, clause 1.5.5."""
     left, octets = len(body), bytearray()
     while True:
         left, part = left >> 7, left & 0x7F
@@ -80,12 +80,12 @@ def test_a_topic_that_is_too_long_is_waited_for_and_no_more():
     ("octets", "words"),
     [
         (b"\x15\x03\x03\x00\x02\x02\x28", "speaks TLS"),
-        (b"HTTP/1.1 400 Bad Request", "no MQTT: b'HTTP/1.1'"),
-        (b"SSH-2.0-OpenSSH", "no MQTT: b'SSH-2.0-'"),
-        (bytes(2), "no MQTT"),
+        (b"HTTP/1.1 400 Bad Request", "does not answer by MQTT: b'HTTP/1.1'"),
+        (b"SSH-2.0-OpenSSH", "does not answer by MQTT: b'SSH-2.0-'"),
+        (bytes(2), "by MQTT"),
         (CONNACK + b"\x20\xff\xff\xff\xff\x01", "length has more than 4 octets"),
-        (CONNACK + b"\x34\x05\x00\x01t\x00\x01", "quality of service 2"),
-        (CONNACK + b"\x36\x05\x00\x01t\x00\x01", "quality of service 2"),
+        (CONNACK + b"\x34\x05\x00\x01t\x00\x01", "at QoS 2"),
+        (CONNACK + b"\x36\x05\x00\x01t\x00\x01", "at QoS 2"),
         (CONNACK + b"\x90\xff\xff\xff\x7f", "268435455 octets that holds no message"),
     ],
 )

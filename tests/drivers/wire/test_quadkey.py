@@ -1,4 +1,4 @@
-"""Tiles of the map, against mercantile, which shares nothing with ours but the projection."""
+"""Tiles of the map, compared with mercantile, an independent implementation."""
 
 import mercantile
 import pytest
@@ -11,10 +11,10 @@ from drivers.wire.quadkey import MAX_DEPTH, Tile, follow, from_digits, tile
 INGOLSTADT = Position(487668616, 114320680)
 GRAZ = Position(470_707_000, 154_395_000)
 
-# Where mercantile has a tile: beyond 85.05 degree it has none, or clips.
+# Positions up to 85 degrees: beyond 85.05 degrees, mercantile raises an error or clips.
 positions = st.builds(Position, st.integers(-850_000_000, 850_000_000), st.integers(-1_799_999_999, 1_799_999_999))
 depths = st.integers(1, MAX_DEPTH)
-tiled_depths = st.integers(1, 22)  # where 1e-7 degree is far above the rounding of both
+tiled_depths = st.integers(1, 22)  # depths at which rounding errors are far below 1e-7 degree
 
 
 def theirs(position: Position, depth: int) -> mercantile.Tile:
@@ -93,7 +93,7 @@ def test_at_the_edge_of_the_map_there_is_nothing_beyond(depth: int, count: int):
 
 @pytest.mark.parametrize("digits", ["", "4", "01 2", "0/1", "٣", "0" * (MAX_DEPTH + 1), "-1"])
 def test_what_is_no_quadkey_is_refused(digits: str):
-    with pytest.raises(ValueError, match="is no quadkey"):
+    with pytest.raises(ValueError, match="invalid quadkey"):
         from_digits(digits)
 
 

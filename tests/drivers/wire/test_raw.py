@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from board.errors import ProtocolError
+from board.runtime.errors import ProtocolError
 from drivers.message import Area, Position, RxInfo, Security, SecurityStatus, Shape
 from drivers.wire.raw import RawRx, build, parse
 
@@ -108,7 +108,7 @@ pdus = st.binary(max_size=40) | st.integers(1, 1500).map(lambda octets: b"\xa5" 
 
 
 def as_values(pdu, received_ns, rx, local):
-    """The arguments of build() as asn1tools takes a RawRxMessage."""
+    """Return the arguments of build() as a RawRxMessage for asn1tools."""
 
     def time_and_place(unix_ns, position, key):
         seconds, nanoseconds = divmod(unix_ns, 10**9)
@@ -257,7 +257,7 @@ def test_a_message_cut_off_at_any_octet_is_refused(pdu, local):
 
 
 def changed(octets, first_bit, width, value):
-    """The octets with a field overwritten."""
+    """Return the octets with a field overwritten."""
     shift = len(octets) * 8 - first_bit - width
     number = int.from_bytes(octets) & ~((2**width - 1) << shift)
     return (number | value << shift).to_bytes(len(octets))
@@ -268,11 +268,11 @@ def changed(octets, first_bit, width, value):
     [
         (116, 22, 2_113_664, "itsAID"),
         (138, 8, 33, "sspLen"),
-        (466, 2, 3, "type of an area"),
+        (466, 2, 3, "unknown type of area"),
         (564, 11, 9, "payloadSize"),
         (564, 11, 1501, "payloadSize"),
         (575, 11, 1500, "payloadSize"),
-        (1, 1, 0, "no payloadString"),
+        (1, 1, 0, "payloadString is absent"),
     ],
 )
 def test_a_field_that_its_type_does_not_allow_is_refused(first_bit, width, value, said):

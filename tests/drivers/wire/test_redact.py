@@ -1,4 +1,4 @@
-"""What must not stand in a journal does not; what is needed there does."""
+"""Redaction of the journal: secrets are removed, useful text stays."""
 
 import pytest
 

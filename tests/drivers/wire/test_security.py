@@ -1,10 +1,10 @@
-"""Signed packets: what is inside captured ones, optional fields, and everything that is cut off or wrong."""
+"""Signed packets: contents of captured ones, optional fields, truncated and invalid ones."""
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from board.errors import ProtocolError
+from board.runtime.errors import ProtocolError
 from drivers.wire.security import Unwrapped, unwrap
 from tests.drivers.wire.captured import SIGNED, packet
 
@@ -15,14 +15,14 @@ KEY = b"\x80\x82" + bytes(32)  # ecdsaNistP256, compressed-y-0
 
 
 def signed(header=b"\x00\x01\x24", signer=DIGEST, payload=None, signature=SIGNATURE):
-    """Ieee1609Dot2Data around PAYLOAD; header is the octets of HeaderInfo."""
+    """Return Ieee1609Dot2Data around PAYLOAD. header: octets of HeaderInfo."""
     if payload is None:
         payload = b"\x40\x03\x80" + bytes([len(PAYLOAD)]) + PAYLOAD
     return b"\x03\x81\x00" + payload + header + signer + signature
 
 
 def certificate(permissions=b"", region=b"", identity=b"\x83", encryption_key=b"", version_2_additions=b""):
-    """A chain of one certificate as signer; permissions, region and key are present when they have octets."""
+    """Return a chain of one certificate as signer. Empty permissions, region or key are left out."""
     preamble = (
         (0x80 if version_2_additions else 0)
         | (0x40 if region else 0)
@@ -43,7 +43,7 @@ def assert_cut_anywhere_is_refused(octets):
             unwrap(octets[:cut])
 
 
-# --- what is inside ---
+# --- contents ---
 
 
 @pytest.mark.parametrize("name", SIGNED)
@@ -160,7 +160,7 @@ def test_a_payload_of_more_than_127_octets_has_a_long_length():
     assert unwrap(signed(payload=payload)).payload == bytes(300)
 
 
-# --- what is refused ---
+# --- invalid packets ---
 
 
 @pytest.mark.parametrize("name", SIGNED)

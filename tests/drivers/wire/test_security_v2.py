@@ -1,10 +1,10 @@
-"""Envelopes of TS 103 097 V1.2.1: every field of their headers and certificates, and everything that is refused."""
+"""Envelopes of TS 103 097 V1.2.1: all header and certificate fields, and invalid ones."""
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from board.errors import ProtocolError
+from board.runtime.errors import ProtocolError
 from drivers.wire.security import Unwrapped, unwrap
 
 PAYLOAD = bytes.fromhex("2050 0080 0004 0100") + bytes(28) + bytes.fromhex("07d10000")
@@ -17,7 +17,7 @@ CAM_MAY, DENM_MAY = b"\x24\x03\x01\x02\x03", b"\x25\x04\x01\xff\xff\xff"
 
 
 def number(value: int) -> bytes:
-    """IntX of at most three octets."""
+    """Return a number as IntX of at most three octets."""
     if value < 1 << 7:
         return bytes([value])
     return (1 << 15 | value).to_bytes(2) if value < 1 << 14 else (6 << 21 | value).to_bytes(3)
@@ -35,13 +35,13 @@ def envelope(*fields: bytes, kind: int = SIGNED, payload: bytes = PAYLOAD, trail
 def certificate(
     *attributes: bytes, issuer: bytes = b"\x01" + bytes(8), name: bytes = b"", key: bytes = POINTS[2]
 ) -> bytes:
-    """Signer info with one certificate: version, issuer, subject, attributes, validity, signature."""
+    """Return signer info with one certificate: version, issuer, subject, attributes, validity, signature."""
     subject = b"\x01" + vector(name)
     all_of_them = vector(b"\x00\x00" + key + b"\x02\x60" + b"".join(attributes))
     return b"\x80\x02" + b"\x02" + issuer + subject + all_of_them + vector(b"\x01" + bytes(8)) + SIGNATURE[1:]
 
 
-# --- what is inside ---
+# --- contents ---
 
 
 def test_a_signed_payload_comes_with_its_application() -> None:
@@ -102,7 +102,7 @@ def test_every_attribute_of_a_certificate_is_walked_over(attribute: bytes) -> No
     assert unwrap(envelope(certificate(attribute, b"\x21" + vector(CAM_MAY)), CAM)).ssp == b"\x01\x02\x03"
 
 
-# --- what is refused ---
+# --- invalid packets ---
 
 
 @pytest.mark.parametrize(

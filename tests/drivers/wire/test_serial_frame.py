@@ -1,10 +1,10 @@
-"""Frames of a serial line, whole, cut, damaged and among garbage."""
+"""Frames of a serial line: whole, cut, damaged and among garbage."""
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from board.errors import RequestError
+from board.runtime.errors import RequestError
 from drivers.reason import Reason
 from drivers.wire.garbage import SAMPLE, Garbage
 from drivers.wire.serial_frame import GAP_S, OVERHEAD, Frame, SerialFrames, encode
@@ -12,7 +12,7 @@ from drivers.wire.serial_frame import GAP_S, OVERHEAD, Frame, SerialFrames, enco
 CAM = bytes.fromhex("0202000005390001020304")
 
 frames = st.builds(Frame, st.integers(0, 65535), st.binary(max_size=1500))
-# Octets that are likely to look like the beginning of a frame.
+# Garbage with octets that may look like the beginning of a frame.
 noise = st.lists(
     st.sampled_from([b"V", b"2", b"V2", b"V2\0\x0a", b"V2\xff", b"\0", b"x" * 40]) | st.binary(), max_size=12
 )

@@ -62,7 +62,9 @@ def test_a_version_that_no_edition_has_is_another_release():
 
 def test_the_legacy_number_of_vam_is_told():
     vam = Message("vam-2", ids=(16,), versions=(2,), fields={"a": 9})
-    assert "messageID 102 is what older boxes gave VAM" in cause(octets(vam, 99, number=102), known=[vam])
+    assert "messageID 102 is the number that older boxes used for VAM" in cause(
+        octets(vam, 99, number=102), known=[vam]
+    )
 
 
 def test_a_message_that_the_library_does_not_have_is_told_by_name():

@@ -49,7 +49,7 @@ def test_what_is_not_known_is_said_to_be():
 def test_a_denm_of_release_1_says_its_cause_with_its_name():
     value = {"denm": {"situation": {"eventType": {"causeCode": 94, "subCauseCode": 0}}}}
     step = Step("value", 0, 8, "denm.situation.eventType.causeCode", text="94 (stationaryVehicle)")
-    assert fixed("denm", value, step) == "cause 94 (stationaryVehicle)/0"
+    assert fixed("denm", value, step) == "stationaryVehicle/0"
 
 
 def test_a_denm_of_release_2_says_its_cause():

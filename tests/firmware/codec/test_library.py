@@ -1,6 +1,6 @@
 import pytest
 
-from board.errors import RequestError
+from board.runtime.errors import RequestError
 from firmware.codec.library import NoLibraryError, editions, load
 from tests.firmware.codec.standin import BARE, DOOR, NEW, OLD, SAME
 

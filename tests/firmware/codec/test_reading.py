@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from board.errors import RequestError
+from board.runtime.errors import RequestError
 from firmware.codec.reading import FORMS, Item, Object, Pdu, Reader, pdu_of
 from tests.firmware.codec.captures import WHEN_NS, pcap, pcapng
-from tests.firmware.codec.test_layers import FRAMES
+from tests.firmware.recordings.test_layers import FRAMES
 
 CAM = bytes.fromhex("02020000053900010203")
 FRAME = FRAMES["cam-shb"]
@@ -104,7 +104,7 @@ def test_a_frame_that_is_broken_is_refused():
 def test_a_line_that_is_wrong_does_not_stop_the_next():
     items = read("-", given_octets=b"0202zz\n" + CAM.hex().encode() + b"\n020\n")
     assert [type(item) for item in items] == [RequestError, Pdu, RequestError]
-    assert "standard input: line 1: character 5, 'z', is no hexadecimal digit" in str(items[0])
+    assert "standard input: line 1: character 5, 'z', is not a hexadecimal digit" in str(items[0])
     assert "standard input: line 3: 3 hexadecimal digits" in str(items[2])
 
 
@@ -115,7 +115,7 @@ def test_json_objects_come_as_they_are_between_lines_of_another_form():
     assert isinstance(items[1], Pdu)
     assert items[2] == Object({"message": {}}, "standard input: line 3")
     assert items[3] == Object({"a": 1}, "standard input: line 6: item 0")
-    assert "line 6: item 1: '7' is no object" in str(items[4])
+    assert "line 6: item 1: '7' is not an object" in str(items[4])
 
 
 def test_an_object_may_be_an_argument():
@@ -180,7 +180,7 @@ def test_captures_without_a_frame_are_told_where_there_is_nothing_else(tmp_path)
 
 
 def test_more_octets_than_a_message_can_have_are_refused():
-    assert "more than 65535 octets are no PDU" in refusal("-", given_octets=bytes(70_000))
+    assert "more than 65535 octets: too long for a PDU" in refusal("-", given_octets=bytes(70_000))
 
 
 @given(st.binary(max_size=80), st.sampled_from([None, *FORMS]))

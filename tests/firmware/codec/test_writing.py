@@ -5,14 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from board.errors import RequestError, StationError
-from firmware.codec import capture, writing
-from firmware.codec.layers import Carried, open_frame
+from board.runtime.errors import RequestError, StationError
+from firmware.codec import writing
 from firmware.codec.reading import Pdu
+from firmware.recordings import capture
+from firmware.recordings.layers import Carried, open_frame
 from tests.firmware.codec.captures import WHEN_NS
 from tests.firmware.codec.standin import DOOR
 from tests.firmware.codec.standin import octets as octets_of
-from tests.firmware.codec.test_layers import FRAMES
+from tests.firmware.recordings.test_layers import FRAMES
 
 CAM = bytes.fromhex("02020000053900010203")
 PDU = Pdu(CAM, "the argument")
@@ -52,7 +53,7 @@ def test_the_form_that_is_asked_for_comes_before_the_name(tmp_path):
 
 @pytest.mark.parametrize("name", ["x.pcapng", "x.dat"])
 def test_a_name_that_says_nothing_known_is_refused_and_nothing_is_written(tmp_path, name):
-    with pytest.raises(RequestError, match="is no form that is written"):
+    with pytest.raises(RequestError, match="unknown output format"):
         written([PDU], tmp_path / name)
     assert not (tmp_path / name).exists()
 

@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from board.free_udp import choice
-from firmware.user import systemd
+from board.runtime.free_udp import choice
+from firmware import systemd
 from tests.broker.fixtures import brokers, certificates
 from tests.system.ports import is_free
 

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware import cli
+from firmware.client.show.status import board
+from firmware.client.show.table import plain
 from firmware.commands import board as board_command
 from firmware.commands import selftest, slot, status
-from firmware.user import board
-from firmware.user.table import plain
 from tests.firmware.commands.fake import STATUS, FakeControl
 
 SLOT: dict[str, object] = {

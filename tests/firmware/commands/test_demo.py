@@ -1,18 +1,27 @@
 import io
+import math
 import os
 import re
 import signal
 import socket
 import tomllib
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
-from board import describe
-from board.address import Address
+from board.runtime import describe
+from board.runtime.address import Address
+from drivers.message import Position
+from drivers.sim import messages
 from firmware import cli
-from firmware.board_file import Board
+from firmware.client import client
+from firmware.client.received import Pairing
 from firmware.commands import demo
-from tests.firmware.commands.test_program import is_gone
+from firmware.config.board_file import Board
+from firmware.lab.demo_user import MAC, position_of
+from tests.firmware.lab.test_program import is_gone
 
 
 @pytest.fixture(autouse=True)
@@ -36,12 +45,32 @@ def test_both_users_receive_what_the_other_sends(block, monkeypatch, capsys):
     monkeypatch.setattr(demo, "PRINT_S", 0.3)
     assert cli.main(["demo", "--duration", "0.5"]) == 0
     said = capsys.readouterr().out
-    assert f"to A: PUB to tcp://127.0.0.1:{block}, SUB to tcp://127.0.0.1:{block + 1}" in said
-    assert f"to B: PUB to tcp://127.0.0.1:{block + 10}, SUB to tcp://127.0.0.1:{block + 11}" in said
+    assert f"at A        tcp://127.0.0.1:{block}  tcp://127.0.0.1:{block + 1}\n" in said
+    assert f"at B        tcp://127.0.0.1:{block + 10}  tcp://127.0.0.1:{block + 11}\n" in said
     assert "received by A's user" in said
-    assert re.search(r"B's user +cam +4202 +\d+", said)
+    assert re.search(r"B's user +cam +4202 +\d+ .* 20.3 m/s 42 deg", said)
     assert "A received " in said.splitlines()[-2]
     assert "\x1b" not in said
+
+
+@pytest.mark.parametrize(
+    ("started", "path", "printed"),
+    [
+        (".venv/bin/captain", "/nowhere", ".venv/bin/captain"),
+        (".venv/bin/captain", ".venv/bin", "captain"),
+        (".venv/bin/captain", "other/bin", ".venv/bin/captain"),
+        ("firmware/__main__.py", "/nowhere", "captain"),
+    ],
+)
+def test_introduction_names_the_program_as_another_terminal_starts_it(tmp_path, monkeypatch, started, path, printed):
+    for folder in (".venv/bin", "other/bin"):
+        (tmp_path / folder).mkdir(parents=True)
+        (tmp_path / folder / "captain").touch(mode=0o755)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", str(Path(tmp_path, path)))
+    monkeypatch.setattr("sys.argv", [started, "demo"])
+    station = demo.DemoStation("B", client.Address("127.0.0.1", 5565, 5566, 5567, 5568), None)
+    assert f" terminal: {printed} listen --station :5565\n" in demo.introduction([station])
 
 
 def test_without_a_terminal_it_ends_by_itself(monkeypatch):
@@ -53,8 +82,8 @@ def test_ports_that_are_taken_are_told_and_left(block, capsys):
     with socket.create_server(("127.0.0.1", block + 1)):
         assert cli.main(["demo", "--duration", "0.3"]) == 0
     said = capsys.readouterr().out
-    assert f"Ports {block} to {block + 3} are not free (another program): A takes " in said
-    assert f"PUB to tcp://127.0.0.1:{block}," not in said
+    assert f"Ports {block} to {block + 3} are in use (another program). A takes " in said
+    assert f"tcp://127.0.0.1:{block} " not in said
 
 
 def test_users_that_hear_nothing_of_each_other_end_it_with_1(monkeypatch, capsys):
@@ -100,7 +129,54 @@ def test_each_station_is_the_others_peer():
     assert read["B"].neighbours is None
 
 
-def test_messages_of_the_users_have_a_station_id_of_their_own():
-    pdu = demo.pdu_of("cam", 4201)
-    assert (pdu[1], int.from_bytes(pdu[2:6])) == (2, 4201)
-    assert len(pdu) == 41
+def test_a_message_of_an_own_program_at_a_is_decoded_in_the_table_of_bs_user(block, monkeypatch, capsys):
+    own = messages.cam(1234, 0, Position(470_500_000, 154_600_000))
+    send = demo.User.send
+
+    def beside(self: demo.User) -> None:
+        send(self)
+        if self.name == "A":
+            self._publish("cam", own)
+
+    monkeypatch.setattr(demo.User, "send", beside)
+    assert cli.main(["demo", "--duration", "0.5"]) == 0
+    of_b = capsys.readouterr().out.rpartition("received by B's user")[2]
+    assert re.search(r"A's user +cam +1234 .* 47\.05000 15\.46000 20\.3 m/s 42 deg", of_b)
+
+
+def row(mac: str, station: int, kind: str = "cam") -> demo.TallyRow:
+    made = demo.TallyRow(kind, station)
+    made.mac = bytes.fromhex(mac.replace(":", ""))
+    return made
+
+
+@pytest.mark.parametrize(
+    ("mac", "sender"),
+    [(MAC["A"], "A's user"), (MAC["B"], "B's user"), ("02:aa:00:00:12:67", "neighbour"), ("", "")],
+)
+def test_the_sender_of_a_row_follows_from_its_source_address(mac, sender):
+    assert demo._sender(row(mac, 4201)) == sender
+
+
+def test_the_tables_of_both_users_fit_a_screen_and_rows_of_users_stay():
+    tallies = {
+        "A": [row("02:aa:00:00:12:67", 4711 + number) for number in range(40)] + [row(MAC["B"], 4202)],
+        "B": [row(MAC["A"], number) for number in (1234, 4201)],
+    }
+    users: list[Any] = [
+        SimpleNamespace(name=name, tally=SimpleNamespace(rows=lambda rows=rows: rows, total=0), pairing=Pairing())
+        for name, rows in tallies.items()
+    ]
+    of_a, of_b = demo.view(users, 0.0, 17, None)
+    assert len(of_a.rows) + len(of_b.rows) == 17 - 2 * demo.HEADING - 1
+    assert [cells[:3] for cells in of_b.rows] == [("A's user", "cam", "1234"), ("A's user", "cam", "4201")]
+    assert of_a.rows[0][:3] == ("B's user", "cam", "4202")
+    assert of_a.rows[-1][2] == "others"
+
+
+def test_a_vehicle_of_the_demo_drives_as_fast_as_its_cam_says():
+    before, after = (position_of("A", its_ms) for its_ms in (80_000, 81_000))
+    north = (after.latitude - before.latitude) * 0.01113
+    east = (after.longitude - before.longitude) * 0.01113 * math.cos(math.radians(48.8))
+    assert math.hypot(north, east) == pytest.approx(20.3, abs=0.1)
+    assert math.degrees(math.atan2(east, north)) == pytest.approx(42, abs=0.5)

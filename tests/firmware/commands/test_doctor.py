@@ -1,26 +1,17 @@
 import json
 import socket
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from board import echo
-from board.errors import InterfaceError
-from drivers.sim.neighbours import NeighboursOptions
-from drivers.sim8202g import ModemOptions
-from drivers.udp import UdpOptions
-from firmware import board_file, cli
-from firmware.board_file import Board
-from firmware.codec import library
+from board.runtime import echo
+from firmware import cli
 from firmware.commands import doctor
-from firmware.config import InterfaceConfig
-from firmware.lab import checks
-from firmware.lab.checks import Finding, Level
-from firmware.tables import EndpointOptions, QueueOptions
+from firmware.config import captain_toml
+from firmware.doctor.finding import Finding, Level
 from tests.firmware.commands.fake import STATUS, FakeControl
-
-MAC = bytes.fromhex("02000000000b")
 
 
 @pytest.fixture(autouse=True)
@@ -28,15 +19,6 @@ def calm(tmp_path, monkeypatch, standin):
     """No station of this machine is asked, a child process answers at once, and there is a message library."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setattr(echo, "try_out", lambda: "a child process answered")
-
-
-def udp(listen: str) -> InterfaceConfig:
-    return InterfaceConfig("g5", QueueOptions("udp"), UdpOptions(listen=listen, beacon_s=0.0))
-
-
-def only(found: object) -> Finding:
-    (finding,) = found
-    return finding
 
 
 def options(block: int) -> list[str]:
@@ -95,76 +77,6 @@ def test_a_configuration_that_is_not_there_is_a_problem(tmp_path, capsys):
     assert "none.toml" in "".join(capsys.readouterr().out.split())
 
 
-def endpoint_of(block: int, **more: object) -> EndpointOptions:
-    return EndpointOptions(from_users=block, to_users=block + 1, pull=block + 2, report=block + 3, **more)
-
-
-def test_free_ports_are_fine(block):
-    assert only(checks.endpoint(endpoint_of(block), None)).level is Level.OK
-
-
-def test_a_port_of_another_program_is_a_problem_with_the_option_to_set(block):
-    with socket.create_server(("127.0.0.1", block + 2)):
-        found = only(checks.endpoint(endpoint_of(block), None))
-    assert found.level is Level.PROBLEM
-    assert f"ports {block + 2} of 127.0.0.1 are taken by another program" in found.text
-    assert "endpoint.pull" in found.remedy
-
-
-def test_ports_of_a_running_station_are_a_warning_with_its_name(block):
-    with socket.create_server(("127.0.0.1", block)):
-        found = only(checks.endpoint(endpoint_of(block), STATUS))
-    assert found.level is Level.WARNING
-    assert "belong to station 'fake', pid 4711" in found.text
-
-
-def test_an_address_of_another_machine_is_a_problem(block):
-    found = only(checks.endpoint(endpoint_of(block, address="192.0.2.1"), None))
-    assert found.level is Level.PROBLEM
-    assert "endpoint.address" in found.remedy
-
-
-def test_an_interface_that_can_start_says_what_it_would_do():
-    found = only(checks.interface(udp("127.0.0.1:0"), MAC, None))
-    assert found.level is Level.OK
-    assert found.text.startswith("udp: listens at 127.0.0.1:")
-
-
-def test_an_interface_whose_address_is_taken_is_a_problem_with_a_remedy():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-        taken.bind(("127.0.0.1", 0))
-        address = f"127.0.0.1:{taken.getsockname()[1]}"
-        found = only(checks.interface(udp(address), MAC, None))
-    assert found.level is Level.PROBLEM
-    assert found.remedy
-
-
-def test_a_trial_leaves_nothing_open():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        address = f"127.0.0.1:{probe.getsockname()[1]}"
-    for _ in range(2):
-        assert only(checks.interface(udp(address), MAC, None)).level is Level.OK
-
-
-def test_the_interface_of_a_running_station_is_not_touched_but_asked():
-    found = only(checks.interface(udp("192.0.2.1:1"), MAC, STATUS))
-    assert found.text == "udp: up in the running station: bound to 127.0.0.1:8947"
-
-
-def test_an_interface_that_waits_in_the_running_station_is_a_problem():
-    told = {"interfaces": {"g5": {"driver": "udp", "state": "waiting", "why": "address is gone"}}}
-    found = only(checks.interface(udp("127.0.0.1:0"), MAC, told))
-    assert (found.level, found.text) == (Level.PROBLEM, "udp: waiting in the running station: address is gone")
-    assert "captain status" in found.remedy
-
-
-def test_what_the_running_station_cannot_start_is_a_problem_with_its_remedy():
-    told = {"interfaces": {"g5": {"driver": "udp", "state": "waiting", "why": "no /dev/x", "hint": "plug it in"}}}
-    found = only(checks.interface(udp("127.0.0.1:0"), MAC, told))
-    assert (found.level, found.remedy) == (Level.PROBLEM, "plug it in")
-
-
 def test_the_running_station_is_found_by_its_control_socket(block, tmp_path, capsys):
     answer = json.dumps({"ok": True, "status": STATUS}).encode() + b"\n"
     with FakeControl(tmp_path / f"captain-{block}.sock", answer), socket.create_server(("127.0.0.1", block)):
@@ -174,57 +86,29 @@ def test_the_running_station_is_found_by_its_control_socket(block, tmp_path, cap
     assert "in the running station" in texts["interface g5"]
 
 
-@pytest.mark.parametrize(
-    ("utc_s", "level"), [(1795182426.0, Level.OK), (0.0, Level.PROBLEM), (1e9, Level.PROBLEM), (5e9, Level.PROBLEM)]
-)
-def test_a_clock_that_was_never_set_is_a_problem(utc_s, level):
-    assert only(checks.clock(utc_s, is_monotonic=True)).level is level
+def interfaces_beside(station: dict[str, object], block: int, folder: Path, capsys, *more: str) -> dict[str, dict]:
+    """Return doctor's findings on interfaces, by subject, while a station with this status runs on the ports."""
+    answer = json.dumps({"ok": True, "status": station}).encode() + b"\n"
+    with FakeControl(folder / f"captain-{block}.sock", answer), socket.create_server(("127.0.0.1", block)):
+        cli.main(["doctor", "--json", "--board", "none", *more, *options(block)])
+    found = json.loads(capsys.readouterr().out)
+    return {one["subject"]: one for one in found if one["subject"].startswith("interface")}
 
 
-def test_a_clock_that_goes_back_is_a_problem():
-    assert [one.level for one in checks.clock(1795182426.0, is_monotonic=False)] == [Level.OK, Level.PROBLEM]
+def test_an_interface_that_the_running_station_configures_differently_is_tried(block, tmp_path, capsys):
+    other = ["--set", "interfaces.g5.driver=ethernet", "--set", "interfaces.g5.device=absent0"]
+    found = interfaces_beside(STATUS | {"configuration": "00"}, block, tmp_path, capsys, *other)
+    assert found["interface g5"]["level"] == "problem"
+    assert "absent0" in found["interface g5"]["text"]
 
 
-@pytest.mark.parametrize(
-    ("most", "level"), [("212992\n", Level.WARNING), ("4194304\n", Level.OK), ("x", Level.WARNING)]
-)
-def test_a_small_receive_buffer_is_a_warning_with_the_number_to_set(tmp_path, most, level):
-    (tmp_path / "rmem_max").write_text(most)
-    found = only(checks.receive_buffer([udp("127.0.0.1:0")], tmp_path / "rmem_max"))
-    assert found.level is level
-    assert found.text
-    if most == "212992\n":
-        assert found.remedy == "sysctl -w net.core.rmem_max=4194304"
-
-
-def test_interfaces_without_a_receive_buffer_need_none(tmp_path):
-    assert list(checks.receive_buffer([InterfaceConfig("a", QueueOptions("udp"), object())], tmp_path)) == []
-
-
-@pytest.mark.parametrize(("python", "libzmq"), [((3, 10, 2), (4, 3, 5)), ((3, 11, 2), (4, 1, 6))])
-def test_versions_that_are_too_old_are_a_problem(python, libzmq):
-    assert Level.PROBLEM in [one.level for one in checks.versions(python, libzmq)]
-    assert {one.level for one in checks.versions()} == {Level.OK}
-
-
-def test_a_missing_message_library_is_a_warning_with_the_command_that_makes_it(without_library):
-    found = only(checks.codec(library.load))
-    assert found.level is Level.WARNING
-    assert "decode, encode, explain and the fields of listen need it" in found.text
-    assert "make codec" in found.remedy
-
-
-def test_the_messages_of_the_library_are_named_with_their_editions(standin):
-    found = only(checks.codec(library.load))
-    assert found.level is Level.OK
-    assert found.text == "5 in the library: ball 2.1 1.2 1.1, bare 1, door 1.1"
-
-
-def test_a_worker_that_does_not_answer_is_a_problem():
-    def silent() -> str:
-        raise InterfaceError("it ended with 2", "look above")
-
-    assert only(checks.worker(silent)) == Finding(Level.PROBLEM, "worker", "it ended with 2", "look above")
+def test_an_interface_of_a_station_with_the_same_configuration_is_asked_and_not_tried(block, tmp_path, capsys):
+    udp = ["--set", "interfaces.g5.driver=udp", "--set", "interfaces.g5.listen=192.0.2.1:1"]
+    overrides = [word for word in (*udp, *options(block)) if word != "--set"]
+    same = captain_toml.load(None, overrides, "none").digest
+    found = interfaces_beside(STATUS | {"configuration": same}, block, tmp_path, capsys, *udp)
+    assert found["interface g5"]["level"] == "ok"
+    assert "in the running station" in found["interface g5"]["text"]
 
 
 @given(st.builds(Finding, st.sampled_from(Level), st.text(), st.text(), st.text()), st.integers(40, 120))
@@ -232,28 +116,6 @@ def test_a_finding_fits_the_screen_and_obeys_nobody(finding, width):
     lines = doctor.lines(finding, width)
     assert all(len(line) <= width and line.isprintable() for line in lines)
     assert lines[0].startswith(finding.level.value)
-
-
-def test_a_pin_that_others_may_read_is_a_warning_and_one_that_is_missing_a_problem(tmp_path):
-    path = tmp_path / "pin"
-    one = InterfaceConfig("modem", QueueOptions("sim8202g"), ModemOptions(usb="1-1.4", pin_file=str(path)))
-    assert only(checks.pin_file(one)).level is Level.PROBLEM
-    path.write_text("0000")
-    path.chmod(0o644)
-    found = only(checks.pin_file(one))
-    assert (found.level, found.remedy) == (Level.WARNING, f"chmod 600 {path}")
-    path.chmod(0o600)
-    assert list(checks.pin_file(one)) == []
-
-
-def test_neighbours_whose_port_is_taken_are_a_problem_with_the_key_to_change():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-        taken.bind(("127.0.0.1", 0))
-        air = NeighboursOptions(listen=f"127.0.0.1:{taken.getsockname()[1]}", to="127.0.0.1:0")
-        found = only(checks.neighbours(Board("a", neighbours=air), None))
-    assert found.level is Level.PROBLEM
-    assert "neighbours.listen" in found.remedy
-    assert list(checks.neighbours(board_file.load("sim"), None)) == []
 
 
 def test_several_mistakes_of_a_file_are_as_many_lines():

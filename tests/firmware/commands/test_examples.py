@@ -6,7 +6,8 @@ import shlex
 
 import pytest
 
-from firmware import board_file, cli, config
+from firmware import cli
+from firmware.config import board_file, captain_toml
 
 EXAMPLE = re.compile(r"^  (captain .*?)(?:  .*)?$", re.MULTILINE)
 PIECE = re.compile(r" \| | > ?")
@@ -14,6 +15,8 @@ PIECE = re.compile(r" \| | > ?")
 
 def examples(verb: str) -> list[str]:
     command = cli.load(verb)
+    missing = {"DESCRIPTION", "EPILOG", "arguments", "main"} - set(dir(command))
+    assert not missing, f"{command.__name__} lacks {', '.join(sorted(missing))}; EPILOG shows examples, as in slot.py"
     return EXAMPLE.findall(command.DESCRIPTION + command.EPILOG)
 
 
@@ -29,7 +32,7 @@ EXAMPLES = [piece for verb in cli.VERBS for line in examples(verb) for piece in 
 
 @pytest.mark.parametrize("verb", cli.VERBS)
 def test_every_command_shows_examples(verb):
-    assert any(example.startswith(f"captain {verb}") for example in examples(verb))
+    assert any(example.startswith(f"captain {verb}") for example in examples(verb)), "add examples to its EPILOG"
 
 
 @pytest.mark.parametrize("example", [one for one in EXAMPLES if one.startswith("captain ")])
@@ -43,30 +46,30 @@ def test_every_station_that_an_example_starts_is_configured_well(example, tmp_pa
     (tmp_path / "captain.toml").write_text('[interfaces.air]\ndriver = "udp"\nlisten = "127.0.0.1:0"\n')
     (tmp_path / "crowd.toml").write_bytes((board_file.BOARDS / "sim.toml").read_bytes())
     asked = parsed(example)
-    read = config.load(asked.config, asked.overrides, asked.board)
+    read = captain_toml.load(asked.config, asked.overrides, asked.board)
     assert read.interfaces
 
 
 def test_an_example_that_configures_half_an_interface_would_be_found():
     asked = parsed("captain run --board none --set interfaces.air.driver=nosuch")
-    with pytest.raises(config.ConfigurationError):
-        config.load(asked.config, asked.overrides, asked.board)
+    with pytest.raises(captain_toml.ConfigurationError):
+        captain_toml.load(asked.config, asked.overrides, asked.board)
 
 
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        ("lab --rate 0", "'0' is no number of messages a second above 0"),
-        ("lab --duration x", "'x' is no number of seconds above 0"),
-        ("send --rate -1 0202", "'-1' is no number of messages a second from 0 on"),
-        ("send --lifetime 86401 0202", "'86401' is no number of seconds above 0, at most 86400"),
-        ("listen --count 0", "'0' is not in 1"),
-        ("listen --duration nan", "'nan' is no number of seconds"),
-        ("demo --duration inf", "'inf' is no number of seconds"),
-        ("status --report 0", "'0' is not in 1 ... 65535"),
+        ("lab --rate 0", "'0': out of range; above 0, at most 1,000,000 messages per second"),
+        ("lab --duration x", "'x': out of range; above 0, at most 1,000,000,000 seconds"),
+        ("send --rate -1 0202", "'-1': out of range; 0 to 1,000,000 messages per second"),
+        ("send --lifetime 86401 0202", "'86401': out of range; above 0, at most 86,400 seconds"),
+        ("listen --count 0", "'0': out of range; 1 to"),
+        ("listen --duration nan", "'nan': out of range; above 0"),
+        ("demo --duration inf", "'inf': out of range; above 0"),
+        ("status --report 0", "'0': out of range; 1 to 65535"),
     ],
 )
-def test_a_value_that_cannot_be_is_told_with_what_it_counts(command, words, capsys):
+def test_value_out_of_range_is_reported_with_its_range_and_unit(command, words, capsys):
     with pytest.raises(SystemExit) as ended:
         cli.main(command.split())
     assert ended.value.code == cli.USAGE_ERROR

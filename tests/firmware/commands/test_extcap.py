@@ -13,7 +13,7 @@ import pytest
 
 from firmware import cli
 from tests.firmware.commands.fake import FakeStation
-from tests.firmware.recorder.frames_told import message
+from tests.firmware.recorder.reported_frames import message
 
 
 @pytest.fixture
@@ -101,9 +101,9 @@ def test_frames_that_are_lost_are_shown_as_an_error(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "status", "words"),
     [
-        (["--extcap-interface", "eth0", "--extcap-dlts"], 2, "there is no eth0"),
+        (["--extcap-interface", "eth0", "--extcap-dlts"], 2, "eth0: unknown device"),
         (["--capture"], 2, "--fifo is missing"),
-        (["--capture", "--fifo", "x", "--extcap-capture-filter", "tcp"], 2, "take a display filter"),
+        (["--capture", "--fifo", "x", "--extcap-capture-filter", "tcp"], 2, "use a display filter"),
         (["--capture", "--fifo", "/nowhere/x"], 1, "/nowhere/x: No such file or directory"),
         (["--install", "/proc/self/x"], 1, "name another folder"),
     ],
@@ -124,4 +124,4 @@ def test_a_reader_that_leaves_ends_it(tmp_path):
 def test_without_wireshark_its_folder_has_to_be_named(monkeypatch, capsys):
     monkeypatch.setenv("PATH", "/nowhere")
     assert cli.main(["extcap", "--install"]) == 1
-    assert "name the folder" in capsys.readouterr().err
+    assert "--install FOLDER" in capsys.readouterr().err

@@ -5,9 +5,9 @@ import json
 
 import pytest
 
-from board.errors import StationError
+from board.runtime.errors import StationError
+from firmware.client.show.table import plain
 from firmware.commands import gnss
-from firmware.user.table import plain
 from tests.firmware.commands.fake import STATUS, FakeControl
 
 RECEIVER = {

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from drivers.message import Position, RxInfo, Security, SecurityStatus
 from drivers.wire import raw
 from firmware import cli
-from firmware.report import digest_of
-from firmware.user import client, listening
-from firmware.user.received import Message, Pairing
-from firmware.user.tally import HEADS, Tally, cells
+from firmware.client import client, listening
+from firmware.client.received import Message, Pairing
+from firmware.client.show.tally import HEADS, Tally, cells, folded
+from firmware.endpoint.report import digest_of
 from tests.firmware.commands.fake import FakeStation
 
 CAM = bytes.fromhex("02020000053900010203")
@@ -157,14 +157,14 @@ def test_messages_without_a_name_are_wanted_by_the_empty_one(capsys):
 @pytest.mark.parametrize(
     ("wanted", "remedy"),
     [
-        ("foo", "'foo' is no type; known: denm, cam, poi, "),
-        ("dnem", "'dnem' is no type; did you mean denm?"),
-        ("SPAT", "'SPAT' is no type; did you mean spatem?"),
-        ("cam.", "'cam.' is no type; did you mean cam?"),
-        ("256", "'256' is no messageID: those are 0 ... 255"),
-        ("9" * 5000, "is no messageID: those are 0 ... 255"),
-        ("\u0662", "is no type; known: "),
-        ("-1", "is no type; known: "),
+        ("foo", "'foo': unknown type; known: denm, cam, poi, "),
+        ("dnem", "'dnem': unknown type; did you mean denm?"),
+        ("SPAT", "'SPAT': unknown type; did you mean spatem?"),
+        ("cam.", "'cam.': unknown type; did you mean cam?"),
+        ("256", "'256': messageID out of range; 0 to 255"),
+        ("9" * 5000, ": messageID out of range; 0 to 255"),
+        ("\u0662", ": unknown type; known: "),
+        ("-1", ": unknown type; known: "),
     ],
 )
 def test_a_type_that_does_not_exist_is_wrong_usage_with_a_remedy(wanted, remedy, capsys):
@@ -179,8 +179,8 @@ def test_without_a_terminal_the_table_is_plain_text(capsys):
         assert listened(station, "--headers", "--count", "3") == 0
     said = capsys.readouterr().out
     assert "\x1b" not in said
-    assert "type  station  count  per s  octets  rssi dBm" in said
-    assert "cam      1337      3             10       -71" in said
+    assert "type  station  count  per s  octets  dBm" in said
+    assert "cam      1337      3             10  -71" in said
     assert said.endswith(" s\n")
 
 
@@ -196,7 +196,9 @@ def test_a_port_without_heartbeat_is_no_station(monkeypatch, capsys):
     with FakeStation() as station:
         station.is_silent = True
         assert listened(station) == 1
-    assert "sends no heartbeat" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "no heartbeat" in said
+    assert "the first of its four ports" in said
 
 
 def test_a_reader_who_leaves_ends_it_without_a_word(monkeypatch, capfd):
@@ -286,10 +288,19 @@ def test_rows_beyond_the_screen_are_folded_but_kept():
     tally = Tally()
     for station in range(5):
         tally.add(message_of(station, octets=10 + station), 1.0)
-    shown = tally.rows(most=2)
-    assert [(row.station, row.count) for row in shown] == [(3, 1), (4, 1), ("others", 3)]
-    assert (shown[-1].shortest, shown[-1].longest) == (10, 12)
+    shown = folded(tally.rows(), 3)
+    assert [(row.station, row.count) for row in shown] == [(0, 1), (1, 1), ("others", 3)]
+    assert (shown[-1].shortest, shown[-1].longest) == (12, 14)
     assert len(tally.rows()) == 5
+    assert folded(tally.rows(), 5) == tally.rows()
+
+
+def test_rows_keep_their_order_whoever_is_heard_last():
+    tally = Tally()
+    for kind, station in (("cam", 9), ("own", 1), ("denm", 9), ("cam", 3), ("mapem", 9), ("cam", 9), ("denm", 2)):
+        tally.add(message_of(station, kind), 1.0)
+    wanted = [("denm", 2), ("denm", 9), ("mapem", 9), ("cam", 3), ("cam", 9), ("own", 1)]
+    assert [(row.type, row.station) for row in tally.rows()] == wanted
 
 
 def test_a_rate_is_a_mean_over_the_last_marks():
@@ -305,7 +316,7 @@ def test_a_rate_is_a_mean_over_the_last_marks():
 def test_a_type_of_a_peer_cannot_move_the_cursor():
     tally = Tally()
     tally.add(message_of(1, kind="\x1b[2J"), 0.0)
-    from firmware.user.table import Table, plain
+    from firmware.client.show.table import Table, plain
 
     rows = [cells(row, 1.0) for row in tally.rows()]
     assert "\x1b" not in "\n".join(plain(Table("", HEADS, rows), 80))

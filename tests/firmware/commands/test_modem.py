@@ -5,10 +5,10 @@ import json
 
 import pytest
 
-from board.errors import StationError
+from board.runtime.errors import StationError
 from firmware import cli
+from firmware.client.show.table import plain
 from firmware.commands import modem
-from firmware.user.table import plain
 from tests.firmware.commands.fake import STATUS, FakeControl
 
 MODEM = {

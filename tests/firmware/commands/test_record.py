@@ -13,14 +13,15 @@ import pytest
 from drivers.message import Position, RxInfo
 from drivers.wire import raw
 from firmware import cli
+from firmware.client import client
+from firmware.client.received import Message
 from firmware.commands import record
 from firmware.lab.laboratory import vectors
 from firmware.recorder import mcap_recording
-from firmware.user import client, reception
-from firmware.user.mcap import Mcap
-from firmware.user.received import Message
+from firmware.recordings import reception
+from firmware.recordings.mcap import Mcap
+from tests.firmware.client.mcap_file import read
 from tests.firmware.commands.fake import FakeStation
-from tests.firmware.user.mcap_file import read
 
 CAM = next(one.pdu for one in vectors() if len(one.pdu) == 41)
 NS = 1795182426_461613000
@@ -57,7 +58,7 @@ def test_a_disk_that_takes_no_more_is_named_with_what_was_recorded(tmp_path, cap
     def flush(mcap: Mcap) -> None:
         raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr("firmware.user.mcap.CHUNK_OCTETS", 1)
+    monkeypatch.setattr("firmware.recordings.mcap.CHUNK_OCTETS", 1)
     monkeypatch.setattr(Mcap, "flush", flush)
     path = tmp_path / "a.mcap"
     with FakeStation(on_air("cam", CAM)) as station:
@@ -147,12 +148,12 @@ def test_a_file_that_is_there_is_left_alone(tmp_path, capsys):
     path.write_bytes(b"mine")
     assert cli.main(["record", "--mcap", str(path)]) == cli.USAGE_ERROR
     assert path.read_bytes() == b"mine"
-    assert "is there already" in capsys.readouterr().err
+    assert "the file exists" in capsys.readouterr().err
 
 
 def test_a_folder_that_is_not_there_is_told(tmp_path, capsys):
     assert cli.main(["record", "--mcap", str(tmp_path / "no" / "a.mcap")]) == 1
-    assert "does its folder exist" in capsys.readouterr().err
+    assert "no/a.mcap: No such file or directory" in capsys.readouterr().err
 
 
 class Interrupted:
@@ -184,8 +185,10 @@ class Interrupted:
 def test_a_signal_in_the_midst_of_any_write_leaves_the_file_whole(tmp_path, monkeypatch, at, number, status):
     path = tmp_path / "a.mcap"
     monkeypatch.setattr(record, "_created", lambda path: Interrupted(path.open("xb"), at, number))
-    monkeypatch.setattr("firmware.user.mcap.CHUNK_OCTETS", 1)  # so that each message is written at once
-    monkeypatch.setattr("firmware.user.listening.REDRAW_S", 60.0)  # however late the first comes, nothing else is done
+    monkeypatch.setattr("firmware.recordings.mcap.CHUNK_OCTETS", 1)  # so that each message is written at once
+    monkeypatch.setattr(
+        "firmware.client.listening.REDRAW_S", 60.0
+    )  # however late the first comes, nothing else is done
     before = signal.getsignal(number)
     with FakeStation([frames for _ in range(3) for frames in on_air("cam", CAM)]) as station:
         ended = cli.main(["record", "--mcap", str(path), *station.options, "--count", "3"])
@@ -196,7 +199,7 @@ def test_a_signal_in_the_midst_of_any_write_leaves_the_file_whole(tmp_path, monk
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
 def test_a_signal_while_nothing_comes_ends_it(tmp_path, monkeypatch, number, status):
-    monkeypatch.setattr("firmware.user.listening.REDRAW_S", 0.01)
+    monkeypatch.setattr("firmware.client.listening.REDRAW_S", 0.01)
     monkeypatch.setattr(record.Recording, "idle", lambda recording: signal.raise_signal(number))
     with FakeStation() as station:
         ended = cli.main(["record", "--mcap", str(tmp_path / "a.mcap"), *station.options])
@@ -226,7 +229,7 @@ def test_without_a_station_no_file_is_left(tmp_path, capsys, monkeypatch):
     with FakeStation() as station:
         station.is_silent = True
         assert cli.main(["record", "--mcap", str(tmp_path / "a"), *station.options]) == 1
-    assert "sends no heartbeat" in capsys.readouterr().err
+    assert "no heartbeat" in capsys.readouterr().err
     assert not (tmp_path / "a").exists()
 
 
@@ -243,7 +246,7 @@ def test_a_standard_output_that_is_closed_takes_no_recording(form, monkeypatch, 
     monkeypatch.setattr("sys.__stdout__", None)
     with FakeStation(on_air("cam", CAM)) as station:
         assert cli.main(["record", form, "-", *station.options, "--count", "1"]) == 2
-    assert "standard output is closed" in capsys.readouterr().err
+    assert "standard output: closed" in capsys.readouterr().err
 
 
 def test_a_station_that_falls_silent_is_told_and_that_it_is_back(capsys):
@@ -254,6 +257,6 @@ def test_a_station_that_falls_silent_is_told_and_that_it_is_back(capsys):
     for Heard.silent_s in (0.0, 3.5, 4.0, 0.0, 0.0):
         silence.tell()
     assert capsys.readouterr().err.splitlines() == [
-        "captain: the station is silent: nothing is recorded until it is heard again",
+        "captain: the station is silent; recording continues when it is heard again",
         "captain: the station is heard again, after 4 s",
     ]

@@ -9,9 +9,9 @@ import pytest
 
 from drivers.message import Area, Position, Shape
 from firmware import cli
-from firmware.codec import capture
 from firmware.lab.laboratory import vectors
-from firmware.replay.ends import Station
+from firmware.recordings import capture
+from firmware.replay.ends import StationEnd
 from tests.firmware.commands.fake import FakeStation
 from tests.firmware.commands.test_send import refused, sent_by
 from tests.firmware.replay.test_rewriting import frame_of
@@ -54,7 +54,7 @@ def test_a_station_is_given_pdus_with_what_their_frames_had(drive, capsys):
 
 
 def test_the_station_takes_the_options_that_it_is_given(drive):
-    from firmware import options
+    from firmware.routing import options
 
     with FakeStation(answer=sent_by("g5")) as station:
         assert cli.main(["replay", drive[0], *station.options]) == 0
@@ -68,12 +68,12 @@ def test_what_holds_no_message_is_no_replay(tmp_path, capsys):
     assert "captain: 0 sent of 1 read" in capsys.readouterr().err
 
 
-def test_what_cannot_be_read_is_told_in_lines_with_the_option_of_this_command(tmp_path, capsys):
+def test_replay_of_an_unreadable_line_names_the_option_for_the_format(tmp_path, capsys):
     (tmp_path / "bad.hex").write_text("no message\n")
     assert cli.main(["replay", str(tmp_path / "bad.hex"), "--udp", "127.0.0.1:9"]) == 1
     told = capsys.readouterr().err
     assert "\\x0a" not in told
-    assert "--from" not in told
+    assert "--format" in told
 
 
 def test_an_end_before_the_beginning_is_refused(drive, capsys):
@@ -105,7 +105,55 @@ def test_a_link_is_given_whole_frames_broken_ones_and_beacons_among_them(drive, 
         assert cli.main(["replay", drive[0], "--udp", "{}:{}".format(*ear.getsockname()), "--json"]) == 0
         assert [ear.recv(2048) for _ in drive[1]] == drive[1]
     told = json.loads(capsys.readouterr().out)
+    assert "error" not in told
     assert (told["read"], told["sent"], told["left_out"], told["unheard"]) == (4, 4, {}, 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "octets", "error"),
+    [
+        ("absent.pcapng", None, "No such file or directory"),
+        ("empty.pcap", b"", "empty.pcap: "),
+        ("cut.pcap", (capture.header() + capture.record(bytes(60), 10**18))[:-20], "cut.pcap: "),
+        ("other.pcap", capture.header() + capture.record(b"\xff" * 60, 10**18), "no message in what was read"),
+        ("bad.hex", b"0202zz\n0202yy\n", "bad.hex: line 1: character 5"),
+        ("bad.json", b"{", "bad.json: line 1: "),
+    ],
+)
+def test_a_failed_replay_gives_a_program_the_first_error_in_the_summary(tmp_path, capsys, name, octets, error):
+    path = tmp_path / name
+    if octets is not None:
+        path.write_bytes(octets)
+    with FakeStation(answer=sent_by("g5")) as station:
+        for end in (["--udp", "127.0.0.1:9"], station.options):
+            assert cli.main(["replay", "--json", str(path), *end]) == 1
+            told = json.loads(capsys.readouterr().out)
+            assert error in told["error"]
+            assert told["hint"] == ("check the path" if octets is None else told["hint"])
+
+
+def test_replay_with_the_former_name_of_its_format_reads_it(drive, capsys):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
+        ear.bind(("127.0.0.1", 0))
+        there = "{}:{}".format(*ear.getsockname())
+        assert cli.main(["replay", "--form", "pcap", drive[0], "--udp", there, "--json"]) == 0
+        assert cli.main(["replay", "--form", "hex", drive[0], "--udp", there, "--json"]) == 1
+
+
+def test_a_refused_message_is_the_error_in_the_summary(drive, capsys):
+    with FakeStation(answer=refused) as station:
+        assert cli.main(["replay", "--json", drive[0], *station.options, "--rate", "0"]) == 1
+    assert json.loads(capsys.readouterr().out)["error"] == (f"{drive[0]}: frame 1: refused: short-pdu (too short)")
+
+
+def test_a_replay_to_a_closed_port_gives_a_program_the_remedy(drive, capsys):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as held:
+        held.bind(("127.0.0.1", 0))
+        port = held.getsockname()[1]
+    assert cli.main(["replay", "--json", drive[0], "--udp", f"127.0.0.1:{port}"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert told["error"] == f"no receiver listened to {told['unheard']} datagrams"
+    assert told["hint"] == "start the receiver first"
 
 
 @pytest.mark.parametrize(("framing", "head"), [("pdu", b""), ("btp", bytes.fromhex("07d10000"))])
@@ -142,14 +190,17 @@ def test_what_cannot_be_read_is_told_and_makes_it_fail(tmp_path, capsys):
     assert len(station.requests) == 1
     told = capsys.readouterr().err
     assert "line 2" in told
-    assert "1 could not be read" in told
+    assert "1 unreadable" in told
 
 
 @pytest.mark.parametrize("words", ["nan", "-0.1", "1.1", "a tenth"])
 def test_a_share_that_is_none_is_told_with_its_limits(words, capsys):
     with pytest.raises(SystemExit):
         cli.main(["replay", "x.hex", f"--loss={words}"])
-    assert f"argument --loss: '{words}' is no share, which is 0 ... 1: 0.1 is a tenth" in capsys.readouterr().err
+    assert (
+        f"argument --loss: '{words}': not a share between 0 and 1; for example 0.1 for a tenth"
+        in capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize(
@@ -181,7 +232,7 @@ def test_datagrams_that_nobody_listens_to_make_it_fail(tmp_path, capsys):
         holder.bind(("127.0.0.1", 0))
         to = "{}:{}".format(*holder.getsockname())
     assert cli.main(["replay", str(path), "--udp", to, "--rate", "0"]) == 1
-    assert "nobody listened to 3 of them" in capsys.readouterr().err
+    assert "3 refused: no program listens at the address" in capsys.readouterr().err
 
 
 def test_a_folder_without_a_file_is_told(tmp_path, capsys):
@@ -200,14 +251,14 @@ def test_sigterm_ends_it_with_its_summary(tmp_path, capsys, monkeypatch):
 
 
 def end_when_one_is_confirmed(monkeypatch: pytest.MonkeyPatch) -> None:
-    wait = Station.wait
+    wait = StationEnd.wait
 
-    def waited(end: Station, until: float) -> None:
+    def waited(end: StationEnd, until: float) -> None:
         if end.outcomes:
             os.kill(os.getpid(), signal.SIGTERM)
         wait(end, until)
 
-    monkeypatch.setattr(Station, "wait", waited)
+    monkeypatch.setattr(StationEnd, "wait", waited)
 
 
 def test_a_loop_of_nothing_ends(tmp_path, capsys):

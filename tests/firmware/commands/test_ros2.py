@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from board.errors import StationError
+from board.runtime.errors import StationError
 from firmware import cli
 from firmware.commands import ros2
 
@@ -53,12 +53,12 @@ def test_nothing_is_missing_where_all_is_there():
     [
         ("rclpy", "source a ROS 2: . /opt/ros/jazzy/setup.bash"),
         ("zmq", "apt-get install python3-zmq"),
-        ("captain_messages", "captain-asn1 generate --all --form wheel --ros2"),
+        ("captain_messages", "captain-asn1 generate --all --format wheel --ros2"),
         ("captain_gateway", "colcon build"),
         ("diagnostic_msgs", "ros-jazzy-common-interfaces"),
         ("geometry_msgs", "apt-get install ros-<distribution>-common-interfaces"),
         ("sensor_msgs", "ros-jazzy-common-interfaces"),
-        ("messages", "captain-asn1 generate cam-1.4.1 denm-1.3.1 --form ros2"),
+        ("messages", "captain-asn1 generate cam-1.4.1 denm-1.3.1 --format ros2"),
     ],
 )
 def test_what_is_missing_is_named_with_how_to_get_it(name, words):
@@ -123,7 +123,7 @@ def test_a_machine_without_ros_is_told_in_words(python, capsys):
 def test_a_path_without_python_is_told_in_words(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("PATH", str(tmp_path))
     assert cli.main(["ros2"]) == 1
-    assert "there is no python3 in PATH" in capsys.readouterr().err
+    assert "python3: not found in PATH" in capsys.readouterr().err
 
 
 def test_a_python_that_breaks_is_told_in_words(python):

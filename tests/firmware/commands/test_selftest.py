@@ -8,7 +8,7 @@ import pytest
 
 from firmware import cli
 from firmware.commands import selftest
-from firmware.station import Station
+from firmware.station.station import Station
 
 
 @pytest.fixture
@@ -41,5 +41,5 @@ def test_a_test_that_does_not_end_is_ended(
     monkeypatch.setattr(selftest, "PATIENCE_S", 0.05)
     assert cli.main(["selftest", *quiet]) == 1
     said = capsys.readouterr().err
-    assert "the self-test has no answer after 0.05 s" in said
+    assert "no answer to the self-test after 0.05 s" in said
     assert "captain doctor" in said

@@ -7,10 +7,11 @@ from hypothesis import given as generated
 from hypothesis import strategies as st
 
 from firmware import cli
+from firmware.client import client
+from firmware.client.sending.flights import Flights
 from firmware.commands import send
-from firmware.user import client
-from firmware.user.flights import Flights
 from tests.firmware.commands.fake import FakeStation
+from tests.screens.terminal import Terminal
 
 CAM = "02020000053900010203"
 
@@ -75,7 +76,7 @@ def test_the_options_go_along_in_the_third_frame():
 
 
 def test_the_station_accepts_the_options_that_this_command_writes():
-    from firmware import options
+    from firmware.routing import options
 
     parser = argparse.ArgumentParser()
     send.arguments(parser)
@@ -180,7 +181,7 @@ def test_an_invalid_line_of_27_is_reported_and_the_26_others_are_sent(tmp_path, 
         assert sent(station, str(tmp_path / "27.hex") if is_file else "-") == 1
     said = capsys.readouterr()
     assert len(station.requests) == 26
-    assert "line 13: character 3, 'z', is no hexadecimal digit" in said.err
+    assert "line 13: character 3, 'z', is not a hexadecimal digit" in said.err
     assert "26 given to the station: 26 sent; 1 invalid, not sent" in said.out
 
 
@@ -190,7 +191,7 @@ def test_an_invalid_line_sent_as_often_as_asked_is_reported_once(tmp_path, capsy
         assert sent(station, str(tmp_path), "--count", "3", "--json") == 1
     out, err = capsys.readouterr()
     assert len(station.requests) == 3
-    assert err.count("is no hexadecimal digit") == 1
+    assert err.count("is not a hexadecimal digit") == 1
     told = [json.loads(line) for line in out.splitlines()]
     assert [one["outcome"] for one in told] == ["invalid", "sent", "sent", "sent"]
     assert "two.hex: line 2: character 3" in told[0]["error"]
@@ -212,11 +213,6 @@ def test_of_2003_messages_that_are_refused_three_are_told_and_all_are_counted(tm
     said = capsys.readouterr().out
     assert said.count("refused: short-pdu (too short)") == 3
     assert "2003 given to the station: 2003 refused" in said
-
-
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
 
 
 def test_a_terminal_shows_a_bar_and_it_is_gone_at_the_end(monkeypatch):

@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from board.errors import StationError
+from board.runtime.errors import StationError
 from firmware import cli
+from firmware.client import arguments, client
+from firmware.client.show import table
+from firmware.client.show.table import plain
 from firmware.commands import status
-from firmware.control_socket import default_path, default_paths
-from firmware.user import arguments, client, table
-from firmware.user.table import plain
+from firmware.endpoint.control.control_socket import default_path, default_paths
 from tests.firmware.commands.fake import STATUS, FakeControl, FakeStation
 
 NOW = 1795182430.0
@@ -69,7 +70,7 @@ def test_paths_are_told_for_each_station_type_and_interface():
     ]  # fmt: skip
     told = STATUS["duplicates"] | {"paths": paths, "paths_kept": 40, "paths_forgotten": 5}
     lines = shown(STATUS | {"duplicates": told})
-    at = lines.index("which way was first, and what one way alone has brought")
+    at = lines.index("which interface was first, and messages of one interface alone")
     assert lines[at + 1 : at + 6] == [
         "station     type       interface  first  lead ms  alone",
         "4294967295  cam        g5            90     31.2      0",
@@ -80,7 +81,7 @@ def test_paths_are_told_for_each_station_type_and_interface():
 
 
 def test_without_paths_nothing_is_said_of_them():
-    assert not any("way" in line for line in shown(STATUS))
+    assert not any("was first" in line for line in shown(STATUS))
 
 
 @pytest.mark.parametrize(
@@ -209,7 +210,7 @@ def test_a_stranger_in_a_folder_of_everybody_is_not_believed(tmp_path, monkeypat
     answer = json.dumps({"ok": True, "status": STATUS}).encode() + b"\n"
     with FakeControl(tmp_path / "control", answer) as control:
         assert cli.main(["status", "--control", str(control.path)]) == (0 if is_believed else 1)
-    assert (f"user {STRANGER} listens there" in capsys.readouterr().err) is not is_believed
+    assert (f"belongs to user {STRANGER}" in capsys.readouterr().err) is not is_believed
     assert any(control.lines) is is_believed
 
 
@@ -296,12 +297,43 @@ def test_nobody_at_the_port_is_told_with_a_remedy(capsys):
     said = capsys.readouterr().err
     assert f"no station answers at 127.0.0.1:{port}" in said
     assert "captain run" in said
+    assert "the first of its four ports" in said
+
+
+def test_station_with_the_second_port_is_refused_with_a_remedy_on_ports(block, capsys):
+    with socket.create_server(("127.0.0.1", block)):
+        assert cli.main(["listen", "--station", f":{block + 1}"]) == 1
+    assert "the first of its four ports" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize("host", ["a" * 80, ".."])
-def test_a_host_that_cannot_be_is_told(capsys, host):
+def test_station_with_an_invalid_host_is_refused_with_a_remedy(capsys, host):
     assert cli.main(["status", "--station", host]) == 1
-    assert "no station answers at" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "no station answers at" in said
+    assert "check the host name" in said
+
+
+def test_station_with_an_unknown_host_is_refused_with_a_remedy(monkeypatch, capsys):
+    def unknown(*_: object) -> None:
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+    monkeypatch.setattr(client.socket, "create_connection", unknown)
+    assert cli.main(["status", "--station", "nosuchhost"]) == 1
+    said = capsys.readouterr().err
+    assert "check the host name" in said
+    assert "captain run" not in said
+
+
+@pytest.mark.parametrize(
+    ("text", "remedy"),
+    [("tcp://127.0.0.1:5565", "write HOST:PORT without tcp://"), ("5565", "write :5565")],
+)
+def test_station_in_another_form_is_refused_with_the_right_one(text, remedy, capsys):
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["status", "--station", text])
+    assert ended.value.code == 2
+    assert remedy in capsys.readouterr().err
 
 
 def test_a_listener_that_is_no_station_ends_in_a_message_and_not_in_waiting(monkeypatch, capsys):
@@ -311,7 +343,7 @@ def test_a_listener_that_is_no_station_ends_in_a_message_and_not_in_waiting(monk
     with socket.create_server(("127.0.0.1", 0)) as mute:
         port = mute.getsockname()[1]
         assert cli.main(["status", "--report", str(port), "--station", "127.0.0.1:1"]) == 1
-    assert "sent no status within 0.05 s" in capsys.readouterr().err
+    assert "no status within 0.05 s" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

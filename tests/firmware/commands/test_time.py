@@ -10,13 +10,13 @@ from xml.etree import ElementTree
 
 import pytest
 
-from board.errors import StationError, UsageError
+from board.runtime.errors import StationError, UsageError
+from firmware.client.show.status.clock import duration, title
+from firmware.client.show.status.clock import table as clock_table
+from firmware.client.show.table import plain
+from firmware.client.show.time_record import Record
+from firmware.clock.time_history import SecondRow, TimeHistory
 from firmware.commands import time
-from firmware.time_history import Row, TimeHistory
-from firmware.user.clock import duration, title
-from firmware.user.clock import table as clock_table
-from firmware.user.table import plain
-from firmware.user.time_record import Record
 from tests.firmware.commands.fake import FakeControl
 
 CLOCK: dict[str, Any] = {
@@ -72,10 +72,10 @@ CLOCK: dict[str, Any] = {
     "missing": "",
 }
 SHOWN = """\
-time holdover: no good pulse of late, the oscillator goes on, within 5.19 us
+time holdover: no good pulse recently: the oscillator continues, within 5.19 us
 what          value
 ITS time      722454248771 ms, 2026-11-22 17:44:03 UTC
-system clock  111 us ahead; what it stamps is within 116 us
+system clock  111 us ahead; time stamps are within 116 us
 oscillator    runs 12.3457 ppm slow, +-0.0021 ppm
 leap seconds  5 since 2004 by leap-seconds.list until 2026-12-26
               announced: +1 at 2026-12-31T23:59:60.000Z
@@ -93,7 +93,7 @@ def history(count: int = 100) -> TimeHistory:
     made = TimeHistory()
     for second in range(count):
         offset_ns = 100.0 * (second % 10)
-        made.add(Row(722_454_180.0 + second, offset_ns, 5000.0, 600.0 + second, 3.0 * second + second % 2))
+        made.add(SecondRow(722_454_180.0 + second, offset_ns, 5000.0, 600.0 + second, 3.0 * second + second % 2))
     return made
 
 
@@ -122,9 +122,9 @@ def test_the_last_hour_is_two_lines_of_text(tmp_path: Path, capsys: pytest.Captu
 @pytest.mark.parametrize(
     ("clock", "said"),
     [
-        ({}, "time unknown: nobody knows it"),
+        ({}, "time unknown: no source"),
         ({"state": "system", "missing": "no interface announces pulses"}, "time system: the system's clock alone"),
-        ({"state": 5, "pulse": 7, "leap": [], "offset_ns": "x", "its_ms": 1e300}, "time unknown: nobody knows it"),
+        ({"state": 5, "pulse": 7, "leap": [], "offset_ns": "x", "its_ms": 1e300}, "time unknown: no source"),
         ({"state": "fine\x1b"}, "time fine\\x1b: a state of another version"),
     ],
 )
@@ -167,7 +167,7 @@ def test_a_plot_is_one_svg_that_asks_nobody_for_anything(tmp_path: Path, capsys:
 def test_a_plot_of_what_is_mostly_unknown_is_drawn(tmp_path: Path) -> None:
     kept = TimeHistory()
     for second in range(3):
-        kept.add(Row(722_454_180.0 + second, 5.0, math.nan, math.nan, math.nan))
+        kept.add(SecondRow(722_454_180.0 + second, 5.0, math.nan, math.nan, math.nan))
     assert run(tmp_path, "--plot", str(tmp_path / "time.svg"), kept=kept) == 0
 
 
@@ -210,13 +210,13 @@ def test_a_duration_has_three_figures(ns: float, said: str) -> None:
 
 
 def test_the_title_says_the_bound_where_there_is_one() -> None:
-    assert title({"state": "locked", "uncertainty_ns": 0}) == "time locked: pulses tell it, within 0 ns"
+    assert title({"state": "locked", "uncertainty_ns": 0}) == "time locked: set by pulses, within 0 ns"
 
 
-def kept_of(*phases: float | None) -> list[Row]:
+def kept_of(*phases: float | None) -> list[SecondRow]:
     """A second each; None: no pulse."""
     nan = math.nan
-    return [Row(1000.0 + at, 0.0, 0.0, 0.0, nan if phase is None else phase) for at, phase in enumerate(phases)]
+    return [SecondRow(1000.0 + at, 0.0, 0.0, 0.0, nan if phase is None else phase) for at, phase in enumerate(phases)]
 
 
 @pytest.mark.parametrize(
@@ -236,8 +236,8 @@ def test_the_allan_deviation_is_of_the_longest_stretch_of_pulses(phases: Any, st
 
 
 def test_lengths_beyond_those_of_seconds_are_of_minutes() -> None:
-    seconds = [Row(float(at), 0.0, 0.0, 0.0, float(at % 3)) for at in range(400)]
-    minutes = [Row(60.0 * at, 0.0, 0.0, 0.0, float(at % 3)) for at in range(400)]
+    seconds = [SecondRow(float(at), 0.0, 0.0, 0.0, float(at % 3)) for at in range(400)]
+    minutes = [SecondRow(60.0 * at, 0.0, 0.0, 0.0, float(at % 3)) for at in range(400)]
     lengths = [tau_s for tau_s, _ in time.deviations(Record(seconds, minutes))]
     assert lengths == [1, 2, 4, 8, 16, 32, 64, 120, 240, 480, 960, 1920, 3840]
 

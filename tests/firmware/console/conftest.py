@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from firmware.console import survey, terminal
-from firmware.console.addresses import Device
+from firmware.console.addresses import AddressedDevice
 from firmware.console.journal import Journal
 from tests.firmware.commands.conftest import block
 from tests.firmware.console.emulated import Bench
@@ -15,7 +15,7 @@ from tests.virtual import VirtualLoop
 
 __all__ = ["block"]
 
-ETH0 = Device("eth0", "up", ("192.168.1.20/24", "fe80::1/64"))
+ETH0 = AddressedDevice("eth0", "up", ("192.168.1.20/24", "fe80::1/64"))
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ from typing import Any
 import pyte
 
 from firmware.console.console import Console, Options
-from firmware.control_socket import ControlSocket
-from firmware.question import Commands
+from firmware.endpoint.control.control_socket import ControlSocket
+from firmware.endpoint.control.question import Commands
 from tests.virtual import VirtualLoop
 
 # All that a console may send: printable ASCII, ends of lines, and the three of ECMA-48 that each VT100 has.

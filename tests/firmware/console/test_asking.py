@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from board.errors import StationError
+from board.runtime.errors import StationError
 from firmware.console import asking
 from firmware.console.asking import ANSWER_S, Asking, Status
-from firmware.control_socket import ControlSocket
-from firmware.question import Commands
+from firmware.endpoint.control.control_socket import ControlSocket
+from firmware.endpoint.control.question import Commands
 from tests.virtual import VirtualLoop
 
 
@@ -59,7 +59,7 @@ def test_a_socket_that_a_killed_station_left_is_passed_over(loop: VirtualLoop, t
 
 def test_nobody_there_is_told_with_where_it_was_looked(loop: VirtualLoop, tmp_path: Path) -> None:
     why = ask(loop, tmp_path / "a.sock", tmp_path / "b.sock").why
-    assert why == f"no station answers: there is no {tmp_path}/a.sock and no {tmp_path}/b.sock"
+    assert why == f"no station answers: no socket {tmp_path}/a.sock or {tmp_path}/b.sock"
 
 
 def test_a_socket_that_may_not_be_opened_is_told(
@@ -90,13 +90,13 @@ def test_a_station_that_is_stuck_is_given_up_in_time(loop: VirtualLoop, tmp_path
 @pytest.mark.parametrize(
     ("said", "words"),
     [
-        (b"", "0 octets without an end of line"),
-        (b'{"status": {}', "13 octets without an end of line"),
-        (b"SSH-2.0-OpenSSH\r\n", "what answers is no station: b'SSH-2.0-OpenSSH"),
-        (b"[1, 2]\n", "what answers is no station"),
-        (b'{"ok": true, "status": 3}\n', "what answers is no station"),
-        (b"[" * 100_000 + b"\n", "what answers is no station"),
-        (b"\xff\xfe\n", "what answers is no station"),
+        (b"", "0 octets without end of line"),
+        (b'{"status": {}', "13 octets without end of line"),
+        (b"SSH-2.0-OpenSSH\r\n", "not a station: b'SSH-2.0-OpenSSH"),
+        (b"[1, 2]\n", "not a station"),
+        (b'{"ok": true, "status": 3}\n', "not a station"),
+        (b"[" * 100_000 + b"\n", "not a station"),
+        (b"\xff\xfe\n", "not a station"),
     ],
 )
 def test_what_is_no_station_is_told(loop: VirtualLoop, tmp_path: Path, said: bytes, words: str) -> None:
@@ -120,7 +120,7 @@ def test_an_answer_without_end_is_cut(loop: VirtualLoop, tmp_path: Path, monkeyp
     end, _ = listener.accept()
     end.sendall(b"x" * 2000)
     loop.run_until(lambda: bool(answers), within=1.0)
-    assert "octets without an end of line" in answers.why
+    assert "octets without end of line" in answers.why
     end.close()
     listener.close()
 
@@ -142,7 +142,7 @@ def test_in_a_folder_where_anybody_may_listen_another_user_is_nobody(
     station = ControlSocket(loop, str(tmp_path / "a.sock"), Commands({"status": lambda _: {"status": {"pid": 1}}}))
     assert ask(loop, tmp_path / "a.sock") == [{"pid": 1}]
     monkeypatch.setattr(asking, "PEER", Stranger())
-    assert f"user {STRANGER} listens there, who may be anybody" in ask(loop, tmp_path / "a.sock").why
+    assert f"belongs to user {STRANGER}, who may not run the station" in ask(loop, tmp_path / "a.sock").why
     station.close()
 
 

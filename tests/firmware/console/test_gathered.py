@@ -9,14 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from firmware import systemd
 from firmware.console import journal as journal_module
 from firmware.console.journal import MOST, Journal, Trouble, troubles
-from firmware.console.notes import MOST as MOST_OCTETS
-from firmware.console.notes import MOST_LINES, Notes
+from firmware.console.notes import MOST_LINES, MOST_OCTETS, Notes
 from firmware.console.rates import Rate, Rates
 from firmware.console.service import BY_HAND, Service
 from firmware.console.survey import _port
-from firmware.user import systemd
 from tests.virtual import VirtualLoop
 
 
@@ -208,7 +207,7 @@ def test_a_journal_that_is_not_ours_to_read_says_so(loop: VirtualLoop, monkeypat
     journal = Journal(loop, lambda: told.append(None))
     journal.look()
     loop.run_until(lambda: bool(told))
-    assert journal.why == "the journal cannot be read: its group is systemd-journal"
+    assert journal.why == "the journal cannot be read: add the user to group systemd-journal"
 
 
 def test_without_a_journal_there_are_no_troubles(loop: VirtualLoop, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -239,7 +238,7 @@ def test_the_service_manager_is_asked_what_became_of_the_station_and_the_journal
     loop.run_until(lambda: service.is_read)
     assert service.words == "captain.service is activating (auto-restart), started again 3 times"
     assert service.last_words == "no port is free"
-    assert service.remedy == "correct what it says, then `systemctl restart captain.service`"
+    assert service.remedy == "correct its configuration, then `systemctl restart captain.service`"
     assert len(told) == 2
 
 

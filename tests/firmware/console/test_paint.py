@@ -1,4 +1,4 @@
-"""What a VT100 shows of what a painter sends; pyte is the VT100."""
+"""Painter's output on a VT100; pyte is the VT100."""
 
 import pyte
 import pytest

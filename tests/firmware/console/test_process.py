@@ -12,11 +12,18 @@ from pathlib import Path
 import pytest
 
 from firmware.lab.program import Program
+from tests.expect import ROOT, Expect
 from tests.firmware.console.emulated import ALLOWED, PRINTED
-from tests.firmware.console.expect import ROOT, Expect
 
 ENDPOINTS = ("from_users", "to_users", "pull", "report")
 SHELL = ("--shell", "/bin/sh -i")
+
+
+def opened(*options: str, runtime: Path, is_controlling: bool = True, term: str = "vt100") -> Expect:
+    """`captain console` on a terminal."""
+    environment = {"TERM": term, "PS1": "prompt> ", "XDG_RUNTIME_DIR": str(runtime)}
+    command = [sys.executable, "-m", "firmware", "console", *options]
+    return Expect(command, environment, is_controlling=is_controlling)
 
 
 def pid_of_shell(console: Expect) -> int:
@@ -35,7 +42,7 @@ def ignoring_quit() -> Iterator[None]:
 def test_a_key_opens_a_shell_with_job_control_and_its_end_brings_the_screen_back(
     tmp_path: Path, ignoring_quit: None, is_controlling: bool
 ) -> None:
-    with Expect(*SHELL, runtime=tmp_path, is_controlling=is_controlling) as console:
+    with opened(*SHELL, runtime=tmp_path, is_controlling=is_controlling) as console:
         console.until("keys: s shell")
         console.type(b"s")
         console.until("prompt>")
@@ -47,16 +54,16 @@ def test_a_key_opens_a_shell_with_job_control_and_its_end_brings_the_screen_back
         console.run("stty -echo -icanon; echo spoilt", "spoilt")
         console.prompted()
         console.type(b"exit 7\n")
-        console.until("the shell has ended, with status 7")
+        console.until("the shell ended with status 7")
         console.type(b"x")
-        console.until("the key 'x' means nothing here")
+        console.until("unknown key 'x'")
         console.type(b"q")
         assert console.ended() == 0
         assert termios.tcgetattr(console.slave) == console.modes
 
 
 def test_the_shell_is_opened_again_and_again(tmp_path: Path) -> None:
-    with Expect(*SHELL, runtime=tmp_path) as console:
+    with opened(*SHELL, runtime=tmp_path) as console:
         for _ in range(3):
             console.until("keys: s shell")
             console.type(b"s")
@@ -67,7 +74,7 @@ def test_the_shell_is_opened_again_and_again(tmp_path: Path) -> None:
 
 
 def test_a_hang_up_ends_shell_and_console(tmp_path: Path, wait_for_end: Callable[[int], None]) -> None:
-    with Expect(*SHELL, runtime=tmp_path) as console:
+    with opened(*SHELL, runtime=tmp_path) as console:
         console.until("keys: s shell")
         console.type(b"s")
         console.until("prompt>")
@@ -82,7 +89,7 @@ def test_a_hang_up_ends_shell_and_console(tmp_path: Path, wait_for_end: Callable
 def test_a_shell_does_not_outlive_its_console(
     tmp_path: Path, number: signal.Signals, is_controlling: bool, wait_for_end: Callable[[int], None]
 ) -> None:
-    with Expect(*SHELL, runtime=tmp_path, is_controlling=is_controlling) as console:
+    with opened(*SHELL, runtime=tmp_path, is_controlling=is_controlling) as console:
         console.until("keys: s shell")
         console.type(b"s")
         console.until("prompt>")
@@ -93,7 +100,7 @@ def test_a_shell_does_not_outlive_its_console(
 
 
 def test_ctrl_c_ends_it_as_it_ends_other_commands(tmp_path: Path) -> None:
-    with Expect(runtime=tmp_path) as console:
+    with opened(runtime=tmp_path) as console:
         console.until("keys: ")
         console.type(b"\x03")
         assert console.ended() == 130
@@ -101,7 +108,7 @@ def test_ctrl_c_ends_it_as_it_ends_other_commands(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("term", "options"), [("dumb", ()), ("", ()), ("vt100", ("--plain",))])
 def test_a_dumb_terminal_gets_no_escape_code(tmp_path: Path, term: str, options: tuple[str, ...]) -> None:
-    with Expect(*options, runtime=tmp_path, term=term) as console:
+    with opened(*options, runtime=tmp_path, term=term) as console:
         console.until("keys: ")
         assert PRINTED.fullmatch(console.sent)
 
@@ -112,7 +119,7 @@ def test_a_real_station_is_shown(tmp_path: Path, block: int) -> None:
     options = [word for key, value in endpoint.items() for word in ("--set", f"endpoint.{key}={value}")]
     with ended_at_last(Program("station", ["run", "--board", "sim", *options])) as station:
         station.wait_until_ready()
-        with Expect("--control", control, runtime=tmp_path) as console:
+        with opened("--control", control, runtime=tmp_path) as console:
             console.until("board sim")
             console.until("som301e")
             assert ALLOWED.fullmatch(console.sent)
@@ -146,7 +153,7 @@ def once(*options: str, runtime: Path) -> "subprocess.CompletedProcess[str]":
 def test_once_prints_all_and_fails_where_no_station_answers(tmp_path: Path) -> None:
     ended = once("--once", "--control", str(tmp_path / "none.sock"), runtime=tmp_path)
     assert ended.returncode == 1
-    assert "no station answers: there is no " in ended.stdout
+    assert "no station answers: no socket " in ended.stdout
     assert PRINTED.fullmatch(ended.stdout.encode())
     assert ended.stderr == ""
 
@@ -154,14 +161,14 @@ def test_once_prints_all_and_fails_where_no_station_answers(tmp_path: Path) -> N
 def test_without_a_terminal_it_says_what_to_do(tmp_path: Path) -> None:
     ended = once(runtime=tmp_path)
     assert (ended.returncode, ended.stdout) == (1, "")
-    assert ended.stderr == "captain: this is no terminal\n  (`captain console --once` prints one screen)\n"
+    assert ended.stderr == "captain: standard input is not a terminal\n  (`captain console --once` prints one screen)\n"
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--every", "1"), "'1' is no number of seconds from 2 to 3600"),
-        (("--every", "nan"), "'nan' is no number of seconds"),
+        (("--every", "1"), "'1': out of range; 2 to 3600 seconds"),
+        (("--every", "nan"), "'nan': out of range"),
         (("--shell", "sh -c 'x"), '--shell: "sh -c \'x": No closing quotation'),
     ],
 )
@@ -172,9 +179,9 @@ def test_wrong_usage_is_told(tmp_path: Path, options: tuple[str, ...], words: st
 
 
 def test_a_shell_that_was_stopped_goes_on(tmp_path: Path) -> None:
-    with Expect(*SHELL, runtime=tmp_path) as console:
+    with opened(*SHELL, runtime=tmp_path) as console:
         console.until("keys: s shell")
         console.type(b"s")
         console.run("exec sh -c 'kill -STOP $$; echo $((6 * 7)); read word; exit 7'", "42")
         console.type(b"\n")
-        console.until("the shell has ended, with status 7")
+        console.until("the shell ended with status 7")

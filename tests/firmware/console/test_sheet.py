@@ -1,4 +1,4 @@
-"""What is said of a station, whatever it says itself."""
+"""Status sheet of a station, with any status."""
 
 import json
 import string
@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware.console.addresses import Device
+from firmware.console.addresses import AddressedDevice
 from firmware.console.journal import Trouble
 from firmware.console.rates import Rate
 from firmware.console.sheet import Facts, head, sections, shown
@@ -44,7 +44,7 @@ def test_the_head_says_who_and_when() -> None:
 
 
 def test_no_station_is_told_with_why_and_who_starts_it() -> None:
-    text = said({}, devices=[Device("eth0", "down", ())])
+    text = said({}, devices=[AddressedDevice("eth0", "down", ())])
     assert text.splitlines() == [
         "no station answers: /x: Connection refused",
         "it is started by `captain run`",
@@ -84,7 +84,7 @@ def test_a_folder_for_state_that_keeps_nothing_is_told(status: dict[str, Any]) -
 
 def test_a_holdover_is_told_with_its_bound(status: dict[str, Any]) -> None:
     text = said(status | {"clock": {"state": "holdover", "uncertainty_ns": 5210}})
-    assert "time holdover: no good pulse of late, the oscillator goes on, within 5.21 us" in text
+    assert "time holdover: no good pulse recently: the oscillator continues, within 5.21 us" in text
 
 
 @pytest.mark.parametrize(
@@ -136,21 +136,21 @@ def test_that_errors_are_not_known_is_not_that_there_are_none(status: dict[str, 
 
 
 def test_that_anybody_may_send_is_said_where_it_is_so(status: dict[str, Any]) -> None:
-    assert "no user is authenticated" in said(status, is_open=True)
-    assert "no user is authenticated" not in said(status)
+    assert "without authentication" in said(status, is_open=True)
+    assert "without authentication" not in said(status)
 
 
 def test_notes_come_first_as_many_as_leave_room_and_all_at_the_end(status: dict[str, Any]) -> None:
     notes = [f"captain.toml: line {number}: wrong" for number in range(1, 13)]
     lines = said(status, notes=notes).splitlines()
     assert lines[:8] == [f"! {note}" for note in notes[:8]]
-    assert lines[8] == "! 4 lines more on the last page"
+    assert lines[8] == "! 4 more lines on the last page"
     assert lines[-12:] == [f"! {note}" for note in notes]
     assert said(status, notes=notes[:8]).count("! captain.toml") == 8
 
 
 def test_many_network_devices_are_counted(status: dict[str, Any]) -> None:
-    assert "28 network devices more" in said(status, devices=[Device(f"veth{n}", "up", ()) for n in range(40)])
+    assert "28 more network devices" in said(status, devices=[AddressedDevice(f"veth{n}", "up", ()) for n in range(40)])
 
 
 @pytest.mark.parametrize(

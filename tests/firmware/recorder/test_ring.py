@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from firmware.codec.pcapng import Pcapng
 from firmware.recorder import filing as filing_
 from firmware.recorder import ring as ring_
 from firmware.recorder.filing import Filing, Segment
 from firmware.recorder.ring import PARTS, Limits, Ring, mend
 from firmware.recorder.scribe import Scribe
-from tests.firmware.recorder.frames_told import read, told
+from firmware.recordings.pcapng import Pcapng
+from tests.firmware.recorder.reported_frames import read, told
 
 SMALL = Limits(size=64 << 10, age_s=160.0, before_s=20.0, after_s=10.0)
 
@@ -173,7 +173,7 @@ def test_an_event_larger_than_its_room_is_kept_around_its_trigger(bench, capsys)
     assert 2000 in kept
     assert kept == list(range(kept[0], kept[-1] + 1))
     assert status["kept_octets"] <= SMALL.size
-    assert "not all is kept: denm: more than its share of 65536 octets" in capsys.readouterr().err
+    assert "denm: not completely kept: larger than its share of 65536 octets" in capsys.readouterr().err
 
 
 def test_a_second_run_goes_on_with_the_ring_of_the_first(tmp_path):
@@ -278,8 +278,8 @@ def test_a_disk_that_takes_nothing_costs_frames_that_are_counted_and_it_goes_on(
     frames = [frame for name in bench.names() for frame in read(bench.folder / name)]
     assert len(frames) == status["frames"] == 50 - sum(frame.lost for frame in frames)
     said = capsys.readouterr().err
-    assert said.count("frames are counted as lost") == 1
-    assert "recording goes on" in said
+    assert said.count("frames count as lost") == 1
+    assert "recording continues" in said
 
 
 def test_a_folder_that_goes_away_is_waited_for_and_not_made(tmp_path, capsys):

@@ -5,11 +5,11 @@ import subprocess
 
 import pytest
 
-from firmware.codec import capture
-from firmware.codec.pcapng import Direction
+from firmware.recorder.reported_frame import comment_of, parse
 from firmware.recorder.scribe import Scribe
-from firmware.recorder.told import comment_of, parse
-from tests.firmware.recorder.frames_told import FRAME, NOW_NS, message, told
+from firmware.recordings import capture
+from firmware.recordings.pcapng import Direction
+from tests.firmware.recorder.reported_frames import FRAME, NOW_NS, message, told
 
 STATUS = {
     "station": "rsu",
@@ -32,7 +32,7 @@ def written(scribe: Scribe, *frames: object) -> list[capture.Frame]:
 
 def test_a_frame_says_all_that_was_told_of_it():
     scribe = Scribe()
-    scribe.know(STATUS)
+    scribe.take_status(STATUS)
     (frame,) = written(scribe, told(rssi_dbm=-71, direction="out"))
     assert (frame.octets, frame.when_ns, frame.direction) == (FRAME, NOW_NS, Direction.OUT)
     assert (frame.interface, frame.description) == ("air", "its-g5 by som301e")
@@ -87,12 +87,12 @@ def test_an_interface_of_which_all_is_lost_is_told_at_the_end(tmp_path):
 
 def test_another_start_of_the_station_begins_a_section_and_counts_anew():
     scribe = Scribe()
-    scribe.know(STATUS)
+    scribe.take_status(STATUS)
     scribe.begin(stream := io.BytesIO())
     scribe.add(told(900))
-    scribe.know({**STATUS, "pid": 2})
+    scribe.take_status({**STATUS, "pid": 2})
     scribe.add(told(1))
-    scribe.know({**STATUS, "pid": 2, "uptime_s": 9.0})
+    scribe.take_status({**STATUS, "pid": 2, "uptime_s": 9.0})
     scribe.add(told(2))
     octets = stream.getvalue()
     frames = list(capture.frames(octets[:4], io.BytesIO(octets[4:])))
@@ -117,7 +117,7 @@ def test_another_start_of_the_station_begins_a_section_and_counts_anew():
         ),
         (
             {"direction": "out", "queue_us": 5.5, "send_us": 2, "quality": {"state": "unknown", "error_ns": None}},
-            "cam of station 1337; queued for 5.5 us, sent in 2 us; time unknown, how exact is not known",
+            "cam of station 1337; queued for 5.5 us, sent in 2 us; time unknown, accuracy unknown",
         ),
         ({"type": "", "quality": 7}, ""),
     ],

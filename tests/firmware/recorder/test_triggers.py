@@ -1,9 +1,9 @@
-"""What makes a recorder keep what was before."""
+"""Triggers of a recorder."""
 
 import pytest
 
 from firmware.recorder.triggers import ALL, EVENTS, LOSSES, SAME_EVENT_S, Triggers
-from tests.firmware.recorder.frames_told import told
+from tests.firmware.recorder.reported_frames import told
 
 DENM = {"type": "denm"}
 

@@ -1,4 +1,4 @@
-"""A bad way between two UDP sides, and between sides of different kinds."""
+"""A lossy link between two UDP sides, and between sides of different kinds."""
 
 import json
 import signal
@@ -11,15 +11,15 @@ from collections.abc import Iterator
 
 import pytest
 
-from board.address import Address
+from board.runtime.address import Address
 from drivers.wire.impairment import Burst, Impairment, Impairments
 from firmware import cli
+from firmware.client import client
 from firmware.codec.reading import Pdu
 from firmware.commands import impair
 from firmware.lab.laboratory import vectors
 from firmware.replay import ears, ends
 from firmware.replay.bridge import Bridge, Side, Way
-from firmware.user import client
 from tests.firmware.commands import fake
 from tests.firmware.commands.fake import FakeStation
 from tests.firmware.replay.test_rewriting import frame_of
@@ -140,7 +140,7 @@ def test_messages_of_a_station_become_frames_of_a_link_and_the_other_way_round(p
     received = [(b"v2x.cam.", PDUS[1]), (b"v2x.denm.", PDUS[0])]
     with FakeStation(received) as station, client.session() as context:
         place = client.Address(HOST, *station.ports)
-        a = Side("a", ears.Station(context, place), ends.Pull(context, place))
+        a = Side("a", ears.StationEar(context, place), ends.Pull(context, place))
         b = udp_side("b", peers[1])
         ways = [Way(a, b, Impairment[Pdu](Impairments())), Way(b, a, Impairment[Pdu](Impairments()))]
         for octets in (frame_of(PDUS[3]), b"nonsense"):
@@ -163,7 +163,7 @@ def test_how_often_a_user_of_a_station_fell_behind_meanwhile_is_what_it_says(mon
     endpoint = dict(fake.STATUS["endpoint"], slow_count=3)
     monkeypatch.setitem(fake.STATUS, "endpoint", endpoint)
     with FakeStation() as station, client.session() as context:
-        ear = ears.Station(context, client.Address(HOST, *station.ports))
+        ear = ears.StationEar(context, client.Address(HOST, *station.ports))
         assert ear.fell_behind() == 0
         endpoint["slow_count"] = 5
         assert ear.fell_behind() == 2
@@ -171,17 +171,17 @@ def test_how_often_a_user_of_a_station_fell_behind_meanwhile_is_what_it_says(mon
 
 
 def test_it_is_told_with_what_else_became_of_the_way(peers, capsys, monkeypatch):
-    monkeypatch.setattr(ears.Station, "fell_behind", lambda ear: 2)
+    monkeypatch.setattr(ears.StationEar, "fell_behind", lambda ear: 2)
     station = FakeStation([(b"v2x.cam.", PDUS[1])])
     place = client.Address(HOST, *station.ports)
     with station, client.session() as context:
-        a, b = Side("a", ears.Station(context, place), ends.Pull(context, place)), udp_side("b", peers[1])
+        a, b = Side("a", ears.StationEar(context, place), ends.Pull(context, place)), udp_side("b", peers[1])
         way = Way(a, b, Impairment[Pdu](Impairments()))
         said = "\n".join(impair.lines([way]))
         assert json.loads(impair.as_json([way]))["ways"][0]["fell_behind"] == 2
         for one in (a.ear, a.end, b.ear, b.end):
             one.close()  # type: ignore[attr-defined]
-    assert "a user of the station fell behind 2 times: what it lost meanwhile is not counted here" in said
+    assert "a user of the station fell behind 2 times; its losses are not in these counts" in said
 
 
 @pytest.mark.parametrize(
@@ -199,7 +199,7 @@ def test_it_is_told_with_what_else_became_of_the_way(peers, capsys, monkeypatch)
 )
 def test_a_way_that_would_carry_its_own_frames_for_ever_is_refused(a, b, capsys):
     assert cli.main(["impair", a, b, "--duration", "0.1"]) == 2
-    assert "would hear what this program sends" in capsys.readouterr().err
+    assert "would receive messages that this program sends" in capsys.readouterr().err
 
 
 def test_at_any_address_of_this_machine_nothing_is_heard_of_what_goes_to_another(capsys, monkeypatch):
@@ -214,8 +214,8 @@ def test_at_any_address_of_this_machine_nothing_is_heard_of_what_goes_to_another
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("wire:a", "no side"),
-        ("udp:", "no side"),
+        ("wire:a", "invalid side"),
+        ("udp:", "invalid side"),
         ("udp:127.0.0.1:9001", "LISTEN,PEER"),
         ("udp:127.0.0.1,127.0.0.1:9", "port"),
         ("station:host:99999", "99999"),
@@ -239,7 +239,7 @@ def test_the_program_says_when_it_stands_there_and_at_its_end_what_it_did(peers)
     assert child.stdout is not None
     assert child.stderr is not None
     with child, child.stdout, child.stderr:
-        assert child.stderr.readline().startswith(b"captain: between udp:")
+        assert child.stderr.readline().startswith(b"captain: lossy link between udp:")
         for number in range(50):
             peers[0].sendto(frame_of(PDUS[0][:6] + number.to_bytes(2)), listen_a)
         while frame_of(PDUS[0][:6] + (49).to_bytes(2)) != peers[1].recv(2048):

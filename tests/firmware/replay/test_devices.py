@@ -1,4 +1,4 @@
-"""Frames replayed by a network device, and a bad way between two: on virtual cables, in a network namespace."""
+"""Frames replayed by a network device, and a lossy link between two: on virtual cables, in a network namespace."""
 
 import json
 import subprocess
@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 from drivers.wire.impairment import Impairment, Impairments
-from firmware.codec import capture
 from firmware.lab.laboratory import vectors
+from firmware.recordings import capture
 from tests.firmware.replay.test_rewriting import frame_of
 
 PROGRAM = Path(__file__).with_name("devices_program.py")

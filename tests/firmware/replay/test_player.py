@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from board.errors import RequestError
+from board.runtime.errors import RequestError
 from drivers.wire.impairment import Impairment, Impairments
 from firmware.codec.reading import Pdu
 from firmware.replay.player import Player
@@ -72,7 +72,7 @@ def test_what_the_way_loses_is_neither_sent_nor_left_out():
     sent, told, counts, _ = played(many, wanted=Impairments(loss=0.3, duplicate=0.1))
     assert told.read == counts.taken == 100
     assert len(sent) == told.sent == 100 - counts.lost + counts.duplicated
-    assert told.is_good
+    assert told.cause is None
 
 
 def test_what_is_left_out_is_counted_by_its_reason_with_the_first_place():
@@ -81,7 +81,7 @@ def test_what_is_left_out_is_counted_by_its_reason_with_the_first_place():
     assert len(sent) == 3
     assert told.left_out == {"a frame without a message: beacons": 2}
     assert told.examples == {"a frame without a message: beacons": "frame 7"}
-    assert told.is_good
+    assert told.cause is None
 
 
 def replace_origin(one: Pdu, origin: str) -> Pdu:
@@ -100,14 +100,14 @@ def test_what_cannot_be_sent_makes_it_bad():
     sent, told, _, _ = played([*THREE, pdu("refused", 13)])
     assert len(sent) == 3
     assert told.unsent == {"too long": 1}
-    assert not told.is_good
+    assert str(told.cause) == "refused: too long"
 
 
 def test_what_cannot_be_read_is_told_and_the_next_goes():
     error = RequestError("a.hex: line 2: no digits")
     sent, told, _, heard = played([THREE[0], error, THREE[1]])
     assert len(sent) == 2
-    assert (heard, told.unreadable, told.is_good) == ([error], 1, False)
+    assert (heard, told.unreadable, told.cause) == ([error], 1, error)
 
 
 def test_a_cut_is_not_read_as_missing():

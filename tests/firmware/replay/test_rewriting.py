@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from board.errors import RequestError
-from board.time import its_time_ms, leap_seconds
+from board.runtime.errors import RequestError
+from board.time.scales import its_time_ms, leap_seconds
 from drivers.message import Area, Ego, Position, Request, Shape
 from drivers.wire import frame as ethernet
-from drivers.wire import geonet_packet
-from drivers.wire.geonet_sender import Sender
-from firmware.codec.layers import open_frame
+from drivers.wire.geonet import packet as geonet_packet
+from drivers.wire.geonet.sender import Sender
 from firmware.codec.reading import Pdu
 from firmware.lab.laboratory import Vector, vectors
+from firmware.recordings.layers import open_frame
 from firmware.replay.rewriting import Changes, Rewriting
 from firmware.topics import Topics
 

@@ -1,4 +1,4 @@
-"""What is replayed of which file."""
+"""Source of a replay: messages of each kind of file."""
 
 import io
 import json
@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from board.errors import RequestError
+from board.runtime.errors import RequestError
 from drivers.wire import frame as ethernet
-from firmware.codec import capture
-from firmware.codec.pcapng import Direction, Pcapng
 from firmware.codec.reading import Pdu
 from firmware.lab.laboratory import vectors
+from firmware.recordings import capture
+from firmware.recordings.pcapng import Direction, Pcapng
 from firmware.replay.source import Choice, Source
 from tests.firmware.replay.test_rewriting import frame_of
 

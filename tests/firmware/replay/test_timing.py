@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from board.errors import UsageError
+from board.runtime.errors import UsageError
 from firmware.replay.timing import Schedule, Timing
 
 SECOND = 1_000_000_000

@@ -3,14 +3,14 @@
 from collections.abc import Callable
 
 from board.description import SlotDescription
-from board.errors import InterfaceError, StationError
 from board.presence import FLAPS
-from board.slot import Slot as Sequencer
-from board.usb import Device
+from board.runtime.errors import InterfaceError, StationError
+from board.slot import SlotSequencer as Sequencer
+from board.usb import UsbDevice
 from drivers.contract import Host
-from firmware.slot_states import State
-from firmware.slots import Slot
-from firmware.supervisor import Supervised
+from firmware.slots.states import SlotState
+from firmware.slots.supervisor import SlotSupervisor
+from firmware.station.interface_supervisor import InterfaceSupervisor
 from tests.firmware.doubles import NotingStation, ScriptedDriver, interface_of
 from tests.virtual import VirtualLoop
 
@@ -33,7 +33,7 @@ class FakePlace:
         self.switched: list[tuple[float, bool]] = []
         self.changed: Callable[[], None] = lambda: None
         self._loop = loop
-        self._device: Device | None = None
+        self._device: UsbDevice | None = None
         self._booting = loop.after(0.0, lambda: None)
         self._number = 0
 
@@ -55,7 +55,7 @@ class FakePlace:
         done(None)
         self.changed()
 
-    def look(self) -> Device | None:
+    def look(self) -> UsbDevice | None:
         return self._device
 
     def plug(self) -> None:
@@ -78,7 +78,7 @@ class FakePlace:
     def _boot(self) -> None:
         if self.is_on and self.has_module and self._device is None:
             self._number += 1
-            self._device = Device("1-1.3", self._number, "1e0e", "9001")
+            self._device = UsbDevice("1-1.3", self._number, "1e0e", "9001")
             self.changed()
 
 
@@ -90,19 +90,19 @@ class Bench:
         self.interface = interface_of(loop, NotingStation(), self.driver)
         self.interface.link(False, "not started")
         self.driver.starts = 0
-        life = Supervised(loop, self.interface, lambda: 0.5) if has_interface else None
+        life = InterfaceSupervisor(loop, self.interface, lambda: 0.5) if has_interface else None
         self.notes: list[str] = []
         description = SlotDescription(
             "ITS-G5", "1-1.3", power="v2x_power", settle_s=SETTLE_S, wait_s=WAIT_S, off_s=OFF_S
         )
         self.sequencer = Sequencer(
-            loop, "v2x", description, self.power.switch, self.power.look, lambda _: self.slot.changed()
+            loop, "v2x", description, self.power.switch, self.power.look, lambda _: self.slot.sequencer_changed()
         )
-        self.slot = Slot(loop, self.sequencer, life, lambda who, what: self.notes.append(what))
+        self.slot = SlotSupervisor(loop, self.sequencer, life, lambda who, what: self.notes.append(what))
         self.power.changed = self.sequencer.device_changed
 
     @property
-    def state(self) -> State:
+    def state(self) -> SlotState:
         return self.slot.state
 
     def break_driver(self, error: StationError = DEAF) -> None:
@@ -114,5 +114,5 @@ class Bench:
     def mend_driver(self) -> None:
         self.driver.on_start = lambda host: host.link(True, "answers")
 
-    def until(self, state: State, within: float = 600.0) -> None:
+    def until(self, state: SlotState, within: float = 600.0) -> None:
         self.loop.run_until(lambda: self.slot.state is state, within)

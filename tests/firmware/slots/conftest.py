@@ -2,7 +2,7 @@
 
 import pytest
 
-from firmware.slot_states import State
+from firmware.slots.states import SlotState
 from tests.firmware.slots.bench import Bench
 from tests.virtual import VirtualLoop
 
@@ -16,5 +16,5 @@ def bench(loop: VirtualLoop) -> Bench:
 
 @pytest.fixture
 def running(bench: Bench) -> Bench:
-    bench.until(State.RUNNING)
+    bench.until(SlotState.RUNNING)
     return bench

@@ -1,8 +1,8 @@
-"""Where a station hears a swarm, by its status."""
+"""Address at which a station receives a swarm, by its status."""
 
 import pytest
 
-from board.errors import StationError
+from board.runtime.errors import StationError
 from firmware.swarm.audience import ear_of
 
 

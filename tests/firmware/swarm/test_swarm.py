@@ -7,11 +7,11 @@ from math import inf
 import captain_messages
 import pytest
 
-from board.errors import RequestError
+from board.runtime.errors import RequestError
 from drivers.message import Area, Ego, Position
 from drivers.sim.track import Point
 from drivers.wire import frame as ethernet
-from drivers.wire.geonet import GeoNetworking, Received
+from drivers.wire.geonet.protocol import GeoNetworking, Mib, Received
 from firmware.swarm import tracks
 from firmware.swarm.messages import CPMS, MOST_OBJECTS, Writer
 from firmware.swarm.swarm import Plan, Swarm
@@ -130,11 +130,11 @@ def test_a_path_history_leads_back_to_where_the_vehicle_was():
 
 def test_the_frames_are_received_as_those_of_any_station():
     run = Run(3, Plan(cam_hz=2.0, cpm_hz=1.0, denm_hz=1.0), 5.0)
-    receiver = GeoNetworking(bytes(6), beacon_s=0.0)
+    receiver = GeoNetworking(bytes(6), Mib(beacon_s=0.0))
     for octets, (_, vehicle, kind, pdu, area) in zip(run.frames, run.sent, strict=True):
         parts = ethernet.unwrap(octets)
         assert isinstance(parts, ethernet.Ethernet)
-        event = receiver.receive(parts.packet, parts.source, 0.0, NOWHERE)
+        event = receiver.receive(parts.packet, parts.source, 0.0, 0, lambda: NOWHERE)
         assert isinstance(event, Received)
         assert (event.pdu, event.rx.source_mac) == (pdu, vehicle.mac)
         assert event.rx.btp_port == {"cam": 2001, "denm": 2002, "cpm": 2009}[kind]
@@ -194,7 +194,7 @@ def test_a_way_is_read_from_a_file_and_its_mistakes_are_named(tmp_path):
     path = tmp_path / "way.txt"
     path.write_text("# there and back\n48.7668, 11.4320\n48.7768, 11.4320, 400\n")
     assert tracks.read(path).length_m == pytest.approx(2 * 1113.2, abs=0.5)
-    for text, told in (("48.7668;11.4", "line 1"), ("91,11", "roads"), ("# none\n", "no place")):
+    for text, told in (("48.7668;11.4", "line 1"), ("91,11", "out of range"), ("# none\n", "no place")):
         path.write_text(text)
         with pytest.raises(RequestError, match=told):
             tracks.read(path)

@@ -1,6 +1,5 @@
 """The live table of a tap, on a terminal of 80 columns and 24 lines."""
 
-import io
 import re
 from collections.abc import Iterator
 from types import SimpleNamespace
@@ -9,17 +8,13 @@ from typing import Any
 import pytest
 
 from drivers.reason import Reason
-from drivers.wire.v2n_message import Delivery, RefusedError
+from drivers.wire.v2n.message import Delivery, RefusedError
+from firmware.client.show.table import Screen, Table, plain
 from firmware.tap.counts import Counts, Taken
 from firmware.tap.display import Display
-from firmware.user.table import Screen, Table, plain
+from tests.screens.terminal import Terminal
 
 CAM = bytes.fromhex("02020000053900010203")
-
-
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
 
 
 class Noting(Screen):
@@ -60,7 +55,7 @@ def test_what_has_no_room_is_told_as_a_row_of_others(bench: Bench) -> None:
     lines = bench.lines()
     assert len(lines) <= bench.screen.height == 23
     rows = [line for line in lines if re.match(r"cam +\d+", line)]
-    (others,) = re.findall(r"^\S.* others +(\d+)", "\n".join(lines), re.MULTILINE)
+    (others,) = re.findall(r"^ +others +(\d+)", "\n".join(lines), re.MULTILINE)
     assert int(others) == 100 - len(rows)
 
 

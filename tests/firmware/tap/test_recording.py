@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from board.errors import RequestError, StationError
-from firmware.codec import capture
+from board.runtime.errors import RequestError, StationError
+from firmware.recordings import capture
 from firmware.tap.counts import Taken
 from firmware.tap.recording import Recording, Rotation
 
@@ -79,7 +79,7 @@ def test_what_has_no_port_is_refused_by_pcap_and_the_next_one_written(tmp_path: 
 
 def test_a_file_that_is_there_is_never_written_over(tmp_path: Path, record: Record) -> None:
     (tmp_path / "drive.jsonl").write_text("precious")
-    with pytest.raises(StationError, match="is there already"):
+    with pytest.raises(StationError, match="the file exists"):
         record()
     assert (tmp_path / "drive.jsonl").read_text() == "precious"
 
@@ -118,7 +118,7 @@ def test_rotation_keeps_every_message_in_order_within_both_limits(sizes: list[in
 
 @pytest.mark.parametrize("name", ["drive", "drive.txt", "drive.pcapng"])
 def test_a_name_of_no_known_form_is_refused_with_those_that_are(record: Record, name: str) -> None:
-    with pytest.raises(RequestError, match="is no form of recordings") as refused:
+    with pytest.raises(RequestError, match="unknown format") as refused:
         record(name)
     assert ".jsonl" in str(refused.value)
 

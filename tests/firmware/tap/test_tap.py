@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,22 +14,33 @@ from paho.mqtt.client import DisconnectFlags, MQTTMessage
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.reasoncodes import ReasonCode
 
-from board.errors import InterfaceError, StationError
-from drivers.mqtt_options import MqttOptions
-from drivers.mqtt_profile import load
+from board.runtime.errors import InterfaceError, StationError
+from drivers.mqtt.client.window import Accepted
+from drivers.mqtt.options import MqttOptions
 from drivers.reason import Reason
-from drivers.wire.v2n import Profile
+from drivers.wire.v2n.message import Delivery, RefusedError
 from firmware import cli
 from firmware.cli import CUT_OFF
-from firmware.tap import topics
 from firmware.tap.connection import DROPPED, Connection
-from firmware.tap.tap import Tap, Wish
+from firmware.tap.counts import Counts
 from tests.broker.bad import Listener, silent
 from tests.broker.fixtures import Brokers
 from tests.broker.mosquitto import Mosquitto
 from tests.firmware.tap.copies import ROOT, Copy, publish
 
 CAM = "vm(2001): <AgIAAAU5AAECAw==>"
+
+
+def idle_connection(
+    said: list[str],
+    take: Callable[[Delivery], None] = lambda delivery: None,
+    refuse: Callable[[RefusedError, Delivery], None] = lambda error, delivery: None,
+    answer_s: float = 10.0,
+    **options: str,
+) -> Connection:
+    """A connection that is not opened."""
+    settings = MqttOptions(url="mqtt://localhost", **options)
+    return Connection(settings, [("t", 0)], take, refuse, said.append, answer_s)
 
 
 def secured(broker: Mosquitto, brokers: Brokers, *more: str) -> list[str]:
@@ -84,7 +96,7 @@ def test_each_failure_of_TLS_ends_it_with_its_reason(
 
 def test_a_broker_that_is_not_there_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["v2n-tap", "--url", "mqtt://127.0.0.1:1"]) == 1
-    assert "mqtt://127.0.0.1:1: refuses the connection" in capsys.readouterr().err
+    assert "mqtt://127.0.0.1:1: 127.0.0.1: refuses the connection" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -93,9 +105,9 @@ def test_a_broker_that_is_not_there_is_named(capsys: pytest.CaptureFixture[str])
         (["--url", "mqtt://broker.example"], "without TLS to another machine"),
         (["--url", "http://localhost"], "neither mqtts:// nor mqtt://"),
         (["--url", "mqtt://localhost", "--username", "me"], "username is given without password_file"),
-        (["--url", "mqtt://localhost", "--session-expiry-s", "60"], "without --client-id"),
-        (["--url", "mqtt://localhost", "--keep", "2"], "are of --record"),
-        (["--url", "mqtt://localhost", "--record", "x.jsonl", "--keep", "2"], "there is only one file"),
+        (["--url", "mqtt://localhost", "--session-expiry-s", "60"], "only with --client-id"),
+        (["--url", "mqtt://localhost", "--keep", "2"], "only with --record"),
+        (["--url", "mqtt://localhost", "--record", "x.jsonl", "--keep", "2"], "only with --max-octets"),
     ],
 )
 def test_what_does_not_go_together_is_wrong_usage(
@@ -163,41 +175,82 @@ def test_another_client_of_its_name_is_suspected(brokers: Brokers) -> None:
         brokers.client(broker, "same")
         broker.says("New client connected from .* as same", 3)  # it came back
         _, said = copy.end()
-    assert "is there another client named same?" in said
+    assert "another client has the same client_id" in said
 
 
 def test_a_broker_that_names_the_other_client_ends_it_with_a_remedy() -> None:
-    settings = MqttOptions(url="mqtt://localhost", client_id="same")
-    connection = Connection(settings, [("t", 0)], lambda delivery: None, lambda line: None)
-    taken_over = ReasonCode(PacketTypes.DISCONNECT, "Session taken over")
+    connection = idle_connection([], client_id="same")
+    connection._network._is_accepted = True
+    flags, code = DisconnectFlags(True), ReasonCode(PacketTypes.DISCONNECT, identifier=0x8E)
+    connection._network._on_disconnect(None, None, flags, code, None)
     with pytest.raises(StationError, match="another client came with the name same") as ended:
-        connection._on_disconnect(None, None, DisconnectFlags(True), taken_over, None)
+        connection.turn(0.0)
     assert "--client-id" in ended.value.hint
+
+
+def test_text_of_a_broker_that_ends_the_connection_is_not_its_reason_code() -> None:
+    said: list[str] = []
+    connection = idle_connection(said)
+    connection.is_up, connection._up_at = True, 1.0
+    connection.lost("ends the connection: Server shutting down (Session taken over)", 7.0, code=0x8B)
+    assert said[0].endswith("(Session taken over) (after 6.0 s); connecting again")
 
 
 def test_while_it_cannot_connect_again_it_says_each_other_reason_once() -> None:
     said: list[str] = []
-    connection = Connection(MqttOptions(url="mqtt://localhost"), [("t", 0)], lambda delivery: None, said.append)
-    connection.is_up = True
-    for why in ("has closed the connection", *["refuses it"] * 3, *["no route to it"] * 2, "refuses it"):
-        connection._lost(InterfaceError(why))
-    assert said[0].startswith("captain: has closed the connection after ")
-    assert said[1:] == [
-        f"captain: {why}; trying again and again" for why in ("refuses it", "no route to it", "refuses it")
+    connection = idle_connection(said)
+    connection.is_up, connection._up_at = True, 1.0
+    connection.lost("has closed the connection", 7.0)
+    for why in (*["refuses it"] * 3, *["no route to it"] * 2, "refuses it"):
+        connection.failed(why, 8.0)
+    assert said == [
+        "captain: mqtt://localhost:1883: has closed the connection (after 6.0 s); connecting again",
+        *(
+            f"captain: mqtt://localhost:1883: {why}; trying again and again"
+            for why in ("refuses it", "no route to it", "refuses it")
+        ),
     ]
 
 
 def test_a_topic_that_is_no_utf_8_is_counted_and_the_next_message_passes() -> None:
-    settings = MqttOptions(url="mqtt://localhost")
-    tap = Tap(Profile(load("raw"), topics.identity(settings)), Wish())
-    connection = Connection(settings, [("#", 0)], tap.take, lambda line: None)
+    counts, taken = Counts(), list[Delivery]()
+    connection = idle_connection([], taken.append, counts.refuse)
     for topic in (b"v2x/\xff\xfe", b"v2x/cam"):
         message = MQTTMessage(topic=topic)
-        message.payload = bytes.fromhex("02020000053900010203")
-        connection._on_message(None, None, message)
-    assert tap.counts.total == 1
-    (count, why, _) = tap.counts.unread[Reason.TOPIC]
-    assert (count, why) == (1, r"topic b'v2x/\xff\xfe' is no UTF-8")
+        message.payload = b"\x02\x02"
+        connection._network._on_message(None, None, message)
+    connection.turn(0.0)
+    assert taken == [("v2x/cam", b"\x02\x02", False, False)]
+    assert counts.unread[Reason.TOPIC] == (1, r"topic b'v2x/\xff\xfe' is not UTF-8", b"\x02\x02")
+
+
+def test_a_delivery_that_the_broker_repeats_is_counted() -> None:
+    taken: list[Delivery] = []
+    connection = idle_connection([], taken.append)
+    for is_repeated in (False, True):
+        connection.received(Delivery("t", b"x", is_repeated=is_repeated), 1.0)
+    assert connection.counts["repeated"] == 1
+    assert len(taken) == 2
+
+
+def test_an_answer_that_does_not_come_ends_the_first_try_with_its_name() -> None:
+    connection = idle_connection([], answer_s=0.0)
+    connection._answer_by, connection._awaited = 0.0, "no SUBACK"
+    with pytest.raises(InterfaceError, match="mqtt://localhost:1883: no SUBACK within 0 s"):
+        connection.turn(0.0)
+
+
+def test_a_subscription_that_is_refused_is_named_and_one_of_sys_is_not_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    connection = idle_connection([])
+    asked: list[object] = []
+    monkeypatch.setattr(connection._network, "subscribe", asked.append)
+    connection.connected(Accepted(), 1.0)
+    with pytest.raises(InterfaceError, match="refuses the subscription to t: Not authorized"):
+        connection.subscribed({"t": "Not authorized"}, 1.0)
+    connection.subscribed({}, 2.0)
+    assert asked == [[("t", 0)], [(DROPPED, 0)]]
+    connection.subscribed({DROPPED: "Not authorized"}, 2.0)
+    assert connection.is_up
 
 
 def test_a_broker_that_stalls_is_waited_for_no_longer_than_is_wanted(
@@ -283,9 +336,7 @@ def test_a_reader_that_leaves_ends_it_quietly(brokers: Brokers) -> None:
 
 
 def test_what_the_broker_says_that_it_dropped_is_told_from_the_first_count_on() -> None:
-    connection = Connection(MqttOptions(url="mqtt://localhost"), [("t", 0)], lambda delivery: None, lambda line: None)
+    connection = idle_connection([])
     for count in (b"7", b"9", b"rubbish", b"8" * 30, b"2", b"12"):
-        message = MQTTMessage(topic=DROPPED.encode())
-        message.payload = count
-        connection._on_message(None, None, message)
+        connection.received(Delivery(DROPPED, count), 1.0)
     assert connection.counts["dropped"] == 5

@@ -7,11 +7,11 @@ import time
 from multiprocessing import Pool
 from typing import NamedTuple
 
-from firmware.user.table import Screen
-from tests.chaos.run import summary
+from firmware.client.show.table import Screen
 from tests.pps.days.account import HOLDOVER, PULSES, Account
 from tests.pps.days.day import Day, Plan
 from tests.pps.days.plans import days, random_day
+from tests.proof.chaos.run import summary
 
 # wrong: seconds passed on that are not the true ones. false: edges that are not the receiver's, in a right second.
 # lost: good pulses that were refused. error: what 95 % are below; bound: the median. hold: the time without pulses.

@@ -1,13 +1,13 @@
-"""What was seen of a day beside the truth, and what has to hold of it."""
+"""Account of a day beside the truth, with its goals."""
 
 from array import array
 from collections import Counter
 from dataclasses import dataclass, field
 from statistics import median, quantiles
 
-from board.time import Lock
+from board.time.scales import Lock
 from pps.refused import Why
-from tests.chaos.run import Goal
+from tests.proof.chaos.run import Goal
 
 RECOVERY_S = 5
 INSIDE = 0.999

@@ -1,7 +1,7 @@
-"""A day in virtual time: pulses and words go into Pairing, what it passes on into Estimator, and the truth is known.
+"""Day in virtual time: pulses and messages through Pairing and Estimator.
 
-Seconds are those of the day; true time is ITS time. A word is told at the moment at which a loop would read it: late,
-where its line or the loop is.
+Seconds are those of the day; true time is ITS time. A message arrives when a loop would read it: late if its line or
+the loop is late.
 """
 
 from collections.abc import Iterable
@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from random import Random
 
-from board.leaps import BUILT_IN
-from board.time import Fix, TimeMark
+from board.time.leaps import BUILT_IN
+from board.time.scales import Fix, TimeMark
 from pps.chain import SECOND_NS
 from pps.model import LATENCY_NS
 from pps.pulse import Clocks, Pulse

@@ -1,10 +1,10 @@
-"""What chronyd would be sent of a second, beside the clock that it would correct by it."""
+"""Samples for chronyd of each second, beside the clock to correct."""
 
 import logging
 import struct
 
-from board.journal import Journal
-from pps.chrony import Fate, Refclock
+from board.runtime.journal import Journal
+from pps.chrony.feed import Fate, Refclock
 from pps.pulse import Clocks
 from pps.timemark import Second
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from random import Random
 
-from board.time import EPOCH, LeapEvent
+from board.time.scales import EPOCH, LeapEvent
 from pps.sim.interrupts import SHORTEST_NS
 from pps.sim.oscillator import START_NS, drawn
 from pps.sim.temperature import Ramp, Temperature, clouds, engine, fan

@@ -1,4 +1,4 @@
-"""What happens to pulses, to a receiver's words and to a clock in the course of a day, and for how long."""
+"""Troubles of pulses, receiver and clock in a day, with durations."""
 
 from enum import StrEnum
 from typing import NamedTuple

@@ -1,8 +1,8 @@
-"""What a simulated receiver says of a second, by the true time and by its troubles."""
+"""Messages of a simulated receiver, by true time and troubles."""
 
 from dataclasses import dataclass
 
-from board.time import EPOCH, GPS_LEAD, GPS_LEAPS, Fix, FixKind, LeapEvent, TimeMark
+from board.time.scales import EPOCH, GPS_LEAD, GPS_LEAPS, Fix, FixKind, LeapEvent, TimeMark
 from pps.statements import WEEK_S
 from tests.pps.days.trouble import Kind, Trouble
 

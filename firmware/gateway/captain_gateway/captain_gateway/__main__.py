@@ -1,4 +1,4 @@
-"""captain_gateway: `ros2 run captain_gateway captain_gateway`, `captain ros2`, `python3 -m captain_gateway`."""
+"""Program captain_gateway: `ros2 run captain_gateway captain_gateway`, `captain ros2`, `python3 -m captain_gateway`."""
 
 import sys
 
@@ -7,14 +7,17 @@ from .errors import GatewayError
 
 
 def main() -> int:
-    """Run the node with the arguments of ROS. Returns 0 interrupted, 1 where something is missing, in words."""
+    """Run the node with the arguments of ROS.
+
+    Returns the exit status: 0 after an interrupt, 1 if something is missing; the error is printed.
+    """
     try:
         library = codec.load()
         try:
             from .node import run
         except ImportError as error:
             raise GatewayError(
-                f"{error}: is ROS 2 sourced? It needs rclpy, diagnostic_msgs, geometry_msgs, sensor_msgs and pyzmq"
+                f"{error}; source ROS 2: rclpy, diagnostic_msgs, geometry_msgs, sensor_msgs and pyzmq are needed"
             ) from error
         run(sys.argv[1:], library)
     except GatewayError as error:

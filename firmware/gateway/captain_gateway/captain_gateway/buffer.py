@@ -1,4 +1,7 @@
-"""What waits to be sent: the latest of each thing, or all of them; and what is sent again."""
+"""Queue of messages to send.
+
+It keeps the latest message per station, event or sign, or all messages, and can repeat them.
+"""
 
 from collections import OrderedDict
 from collections.abc import Hashable
@@ -9,21 +12,25 @@ from .settings import Transmit
 Item = TypeVar("Item")
 
 
-class _Waiting(NamedTuple):  # of items; a NamedTuple is generic since Python 3.11
+class _Waiting(NamedTuple):  # item is Any because a NamedTuple can be generic only since Python 3.11
     item: Any
     since: float
     is_sent: bool
 
 
 class Buffer(Generic[Item]):
-    """Of one handler that has a rate: put() at any time, due() once in a period."""
+    """Queue of one handler with a send rate. put() is called at any time, due() once per period."""
 
     def __init__(self) -> None:
         self._latest: OrderedDict[Hashable, _Waiting] = OrderedDict()
         self._all: list[Item] = []
 
     def put(self, key: Hashable, item: Item, now: float, settings: Transmit) -> list[Item]:
-        """Take one. Returns those that are never sent for it: the one that it replaces, or the oldest."""
+        """Add an item. Returns the unsent items that this removes from the queue.
+
+        With buffer `latest`, the item replaces the one with the same key. Beyond `depth` items the oldest is removed.
+        now  time in seconds, of any monotonic clock.
+        """
         if settings.buffer == "all":
             self._all.append(item)
             return [self._all.pop(0) for _ in range(len(self._all) - settings.depth)]
@@ -36,7 +43,10 @@ class Buffer(Generic[Item]):
         return gone
 
     def due(self, now: float, settings: Transmit) -> list[Item]:
-        """What is to be sent in this period: the first of all, and of what is kept the latest of each thing."""
+        """Return the items to send in this period: one of the queue `all`, and each item of the queue `latest`.
+
+        An item of `latest` is returned again each period until it is older than `repeat_s`.
+        """
         items = [self._all.pop(0)] if self._all else []
         for key, waiting in list(self._latest.items()):
             if waiting.is_sent and now - waiting.since > settings.repeat_s:
@@ -50,7 +60,7 @@ class Buffer(Generic[Item]):
         return items
 
     def clear(self) -> list[Item]:
-        """Everything that has not been sent."""
+        """Empty the queue. Returns the items that were never sent."""
         left = [*self._all, *(waiting.item for waiting in self._latest.values() if not waiting.is_sent)]
         self._all.clear()
         self._latest.clear()

@@ -1,4 +1,4 @@
-"""One handler at work: its topics, what it passes on to either side, and what it counts."""
+"""Channel: a handler at runtime, with topics, settings, message flow and counters."""
 
 import math
 import time
@@ -14,11 +14,11 @@ from .handlers.kind import Kind
 from .pairing import Arrival
 from .settings import Receive, Transmit
 
-STATION_ID = slice(2, 6)  # of the ITS PDU header
+STATION_ID = slice(2, 6)  # octets of the stationID in the ITS PDU header
 
 
 class Sends(Protocol):
-    """Hands a message to the station; label is the user's. Raises RefusedError."""
+    """Callable that sends a message to the station. label: chosen by the user. Raises RefusedError."""
 
     def __call__(self, channel: "Channel", pdu: bytes, asked: dict[str, object], label: str) -> None: ...
 
@@ -28,7 +28,7 @@ class Logs(Protocol):
 
 
 class Surroundings(Protocol):
-    """What a channel asks for: own position in degrees, and the leap seconds since 2004."""
+    """State that a channel reads: own position in degrees, and leap seconds since 2004."""
 
     @property
     def place(self) -> Place | None: ...
@@ -37,13 +37,14 @@ class Surroundings(Protocol):
 
 
 class Channel:
-    """A handler's edition, settings, counters, and the way in both directions.
+    """A handler at runtime: edition, settings, counters, and message flow in both directions.
 
-    values                   of its parameters as ROS has them; receiving and transmitting are made of them
-    publisher, subscription  and what else is of rclpy: the node puts it here
-    frame                    of the headers of lists; None where topics carry messages
+    values                   values of its parameters as ROS has them; source of `receiving` and `transmitting`
+    publisher, subscription  objects of rclpy, set by the node; likewise metadata and timer
+    frame                    frame_id in the header of list messages; None if topics carry single messages
 
-    receive() belongs to the thread that receives, all others to the one that spins. Settings are swapped whole.
+    The receiving thread calls receive() and confirmed(), the executor's thread all other methods. A changed setting
+    replaces the whole settings object, so no lock is needed.
     """
 
     def __init__(
@@ -72,9 +73,10 @@ class Channel:
     # -- from the station
 
     def receive(self, arrival: Arrival, edition: Edition | None = None) -> metadata.Note | None:
-        """Publish a received message. Returns what is known of it, where somebody wants to know.
+        """Publish a received message. Returns a Note for its metadata; None if it was refused or metadata has no
+        subscriber.
 
-        edition  that the routing has found; None: it is found here.
+        edition  found by the routing; None: determine it here.
         """
         self.counts.received += 1
         try:
@@ -124,7 +126,10 @@ class Channel:
             self._complain("received", "doubtful", text)
 
     def _listed(self, cdr: bytes, arrival: Arrival, published_ns: int) -> bytes:
-        """As the topic carries it; a list is stamped with the time of its reception, where that is known."""
+        """Return the message as its topic carries it: alone, or inside a list.
+
+        A list is stamped with the time of reception; with the time of publication if that is unknown.
+        """
         if self.frame is None:
             return cdr
         return lists.wrap(cdr, arrival.reception.received_ns if arrival.reception else published_ns, self.frame)
@@ -132,7 +137,7 @@ class Channel:
     # -- from ROS
 
     def transmit(self, cdr: bytes) -> None:
-        """What a subscription has brought: to the station, or into the buffer; explained where it is not sent."""
+        """Encode a message from ROS and send it, or queue it if a rate is set. Count and log a refused one."""
         self.counts.taken += 1
         settings = self.transmitting
         if not settings.active:
@@ -149,18 +154,21 @@ class Channel:
             self.refused(error)
 
     def octets(self, cdr: bytes) -> bytes:
-        """As they go on the air. Raises RefusedError, which names field, value and range."""
+        """Return the PDU of a serialised ROS message. Raises RefusedError with field, value and range."""
         return self.checked(self.edition.from_cdr(cdr))
 
     def checked(self, pdu: bytes) -> bytes:
-        """With own stationID where one is configured. Raises RefusedError where it is another message."""
+        """Return a PDU with the configured stationID, if any.
+
+        Raises RefusedError if its header is not of this edition.
+        """
         self.edition.check(pdu)
         if self.station_id:
             pdu = pdu[: STATION_ID.start] + self.station_id.to_bytes(4, "big") + pdu[STATION_ID.stop :]
         return pdu
 
     def hand_over(self, pdu: bytes, asked: dict[str, object] | None = None, label: str = "") -> None:
-        """To the station, with what the parameters ask for it and what `asked` does. Raises RefusedError."""
+        """Send a PDU. Options in `asked` override those of the parameters. Raises RefusedError."""
         assert self.send is not None
         self.send(self, pdu, self.transmitting.options() | (asked or {}), label)
         self.counts.sent += 1
@@ -171,7 +179,7 @@ class Channel:
         self._complain("transmitted", error.cause, f"not sent: {error}")
 
     def period(self) -> None:
-        """What is due is sent; called once in 1 / rate_hz."""
+        """Send the messages that are due. Called every 1 / rate_hz seconds."""
         for pdu in self._buffer.due(time.monotonic(), self.transmitting):
             try:
                 self.hand_over(pdu)
@@ -179,14 +187,14 @@ class Channel:
                 self.refused(error)
 
     def set_transmitting(self, settings: Transmit) -> None:
-        """What waits in a buffer that is no more is told as not sent."""
+        """Replace the settings. Messages in a queue that these do not use are dropped and counted as not sent."""
         before, self.transmitting = self.transmitting, settings
         if not settings.rate_hz or settings.buffer != before.buffer or not settings.active:
             for _ in self._buffer.clear():
                 self.counts.not_sent["settings"] += 1
 
     def confirmed(self, told: dict[str, object]) -> None:
-        """What the station says of a message of this handler."""
+        """Count a confirm from the station for a message of this handler; log if refused or dropped."""
         outcome = str(told.get("outcome", ""))
         self.counts.outcomes[outcome] += 1
         if outcome not in ("refused", "dropped"):
@@ -206,5 +214,5 @@ class Channel:
 
 
 def period_s(settings: Transmit) -> float:
-    """Between two sendings; infinite without a rate."""
+    """Return the seconds between two sendings; infinite without a rate."""
     return 1.0 / settings.rate_hz if settings.rate_hz else math.inf

@@ -1,4 +1,4 @@
-"""The message library as the gateway uses it: an edition of a message with its ROS type, and what stays beside."""
+"""Editions of messages: conversion between PDUs and ROS messages, by the message library."""
 
 from collections import OrderedDict, deque
 from types import ModuleType
@@ -7,27 +7,28 @@ from typing import Any, NamedTuple
 from .errors import GatewayError, RefusedError
 from .handlers.kind import Kind
 
-ITS_HEADER = 6  # octets: protocolVersion, messageID, stationID (TS 102 894-2, ItsPduHeader)
+ITS_HEADER = 6  # octets of protocolVersion, messageID and stationID (TS 102 894-2, ItsPduHeader)
 MAX_PDU = 1500  # octets, what a station takes
-# Of a station's messages of a type; one that relays messages returns each before so many others have come.
+# Received messages kept per header (station and type), in case a ROS node relays them. It returns each before so
+# many others have arrived.
 KEPT_OF_A_STATION = 16
 KEPT_STATIONS = 256
-# Originals, of all stations, that a message which cannot be said is compared with: each costs an encoding.
+# Kept originals that a message which cannot be encoded is compared with. Each comparison costs an encoding.
 MOST_TRIED = 64
 
 INSTALL = (
-    "install its wheel: captain-asn1 generate --all --form wheel --ros2 --to DIR, then "
+    "install its wheel: captain-asn1 generate --all --format wheel --ros2 --to DIR, then "
     "python3 -m pip install DIR/*.whl in the environment of ROS; where that is refused as externally managed, with "
     "--user --break-system-packages"
 )
 
 
 def load() -> ModuleType:
-    """captain_messages. Raises GatewayError where it is not there, or knows nothing of ROS."""
+    """Import captain_messages. Raises GatewayError if it is not installed or was generated without ROS 2 support."""
     try:
         import captain_messages
     except ImportError as error:
-        raise GatewayError(f"there is no message library, captain_messages: {error}; {INSTALL}") from error
+        raise GatewayError(f"captain_messages, the message library, is not installed: {error}; {INSTALL}") from error
     if not hasattr(captain_messages, "CdrError"):
         raise GatewayError(f"{captain_messages.__file__} was generated without --ros2; {INSTALL}")
     library: ModuleType = captain_messages
@@ -35,18 +36,19 @@ def load() -> ModuleType:
 
 
 class Made(NamedTuple):
-    """A message as ROS has it. left_out: paths of what has no field there."""
+    """A message serialised for ROS. left_out: paths of fields that the ROS type lacks."""
 
     cdr: bytes
     left_out: tuple[str, ...]
 
 
 class Edition:
-    """One edition of a message in one profile.
+    """One edition of a message, with its ROS type in a profile.
 
-    kind       whose paths are read, as far as this edition has them.
-    has_forms  the other form of the message (form_of) is received as well.
-    Raises GatewayError for a name that the library does not have, of another type, or that the profile cannot say.
+    kind       handler whose paths (position, time, key) are read, if this edition has them.
+    has_forms  also accept the other form of the message (form_of): strict or -ext.
+
+    Raises GatewayError for an unknown name, for one of another message type, and if the profile has no ROS type for it.
     """
 
     def __init__(self, library: ModuleType, name: str, profile: str, kind: Kind, has_forms: bool = True) -> None:
@@ -57,9 +59,9 @@ class Edition:
             raise GatewayError(f"{kind.name}.edition: {error.args[0] if error.args else error}") from error
         self.name: str = self.message.name
         if kind.editions and _type(self.name) not in map(_type, kind.editions):
-            raise GatewayError(f"{kind.name}.edition: {self.name} is no edition of {_type(kind.editions[0])}")
+            raise GatewayError(f"{kind.name}.edition: {self.name} is not an edition of {_type(kind.editions[0])}")
         self.profile = profile
-        # Editions whose header some octets may have instead, or as well.
+        # Other editions that share a messageID with this one.
         self._rivals = [one for one in library.all() if one.name != self.name and set(one.ids) & set(self.message.ids)]
         self.position = self._reader(next((pair for pair in kind.position if self._has(*pair)), ()))
         self.generated = self._reader(next(((path,) for path in kind.generated if self._has(path)), ()))
@@ -69,9 +71,10 @@ class Edition:
         self._forms = [Edition(library, other, profile, kind, has_forms=False) for other in others]
 
     def of(self, pdu: bytes) -> "Edition":
-        """Return the form of the message that fits a PDU; itself if neither fits. Both have one ROS type.
+        """Return the form of the message that fits a PDU; self if neither fits. Both have the same ROS type.
 
-        If both give the octets back, the one that keeps every constraint, as in the station's own programs.
+        If re-encoding gives the same octets with both, the form whose constraints all hold is returned. The station's
+        own programs choose likewise.
         """
         if not self._forms:
             return self
@@ -84,7 +87,11 @@ class Edition:
         return first or self
 
     def to_cdr(self, pdu: bytes) -> Made:
-        """Octets of the air as a serialised ROS message. Raises RefusedError."""
+        """Convert a PDU to a serialised ROS message.
+
+        A PDU with parts that ROS lacks is kept, so that from_cdr() can restore it.
+        Raises RefusedError if this edition does not decode it.
+        """
         try:
             cdr, left_out = self.message.to_cdr(pdu, self.profile)
         except (ValueError, MemoryError) as error:
@@ -95,16 +102,18 @@ class Edition:
         return Made(cdr, tuple(part.path for part in left_out))
 
     def from_cdr(self, cdr: bytes) -> bytes:
-        """A serialised ROS message as octets of the air: those that it was made of, where it still says the same.
+        """Convert a serialised ROS message to a PDU.
 
-        Raises RefusedError, which names the field, its value and what is allowed.
+        If it equals a received message in all fields that ROS has, the received PDU is returned, with the parts ROS
+        lacks.
+        Raises RefusedError with the field, its value and the range.
         """
         try:
             pdu: bytes = self.message.from_cdr(cdr, self.profile)
         except (ValueError, MemoryError) as error:
             if type(error).__name__ == "CdrError" and _is_broken(error):
                 raise RefusedError("foreign", str(error)) from error
-            # What no edition knows cannot be said in ROS: unless it is a message that came like this.
+            # Unknown extensions have no value in ROS. A relayed message that has them is restored from its original.
             for original in self._kept.newest():
                 if self._is_made_of(cdr, original):
                     return original
@@ -115,11 +124,11 @@ class Edition:
         return pdu
 
     def check_header(self, pdu: bytes) -> None:
-        """Refuse the header of another edition: the same octets mean other values there.
+        """Raise RefusedError with cause "edition" if the header selects another edition: there the values differ.
 
         pdu  at least 2 octets: protocolVersion and messageID.
 
-        A protocolVersion that no edition of the messageID has is allowed. Raises RefusedError with the cause "edition".
+        A protocolVersion that no edition of this messageID has is accepted.
         Source: ETSI TS 102 894-2 v2.4.1, DF ItsPduHeader.
         """
         named = "" if pdu[0] in self.message.versions else self._owners(pdu)
@@ -127,10 +136,11 @@ class Edition:
             raise RefusedError("edition", f"header.protocol_version: {pdu[0]} selects {named}, not {self.name}")
 
     def others(self, pdu: bytes) -> tuple[str, ...]:
-        """Return editions of the same header that give the octets back and decode to different values.
+        """Return the names of editions with the same header that also fit the PDU but decode it to different values.
 
-        An edition of the same type that knows fewer parts is not reported: its senders cannot encode those parts. One
-        that cannot be read is reported. The station's own programs compare likewise: drivers/wire/editions.py.
+        "Fit" means that encoding the decoded message again gives the same octets. An edition of the same type that
+        knows fewer parts is omitted: its senders cannot encode those parts. An edition whose values cannot be listed is
+        included. The station's own programs compare likewise: drivers/wire/editions.py.
         """
         rivals = self._of_header(pdu)
         if not rivals or pdu[0] not in self.message.versions:
@@ -147,13 +157,13 @@ class Edition:
         return [one for one in self._rivals if pdu[1] in one.ids and pdu[0] in one.versions]
 
     def _owners(self, pdu: bytes) -> str:
-        """Return the names of the editions whose header a PDU has; the -ext form has that of its message."""
+        """Return the names of the strict editions whose header the PDU has, joined by "or"."""
         return " or ".join(one.name for one in self._of_header(pdu) if not one.form_of)
 
     def check(self, pdu: bytes) -> None:
-        """Raise RefusedError for what a station would take for another message, or not at all."""
+        """Raise RefusedError for a PDU with another edition's header, or a length that the station refuses."""
         if len(pdu) < ITS_HEADER:
-            raise RefusedError("header", f"{len(pdu)} octets are no message: its header alone has {ITS_HEADER}")
+            raise RefusedError("header", f"{len(pdu)} octets are too short; the header alone has {ITS_HEADER}")
         if pdu[1] not in self.message.ids:
             expected = " or ".join(map(str, self.message.ids))
             raise RefusedError("header", f"header.message_id: {pdu[1]} is not that of {self.message.type}: {expected}")
@@ -166,21 +176,21 @@ class Edition:
             raise RefusedError("too-long", f"the message has {len(pdu)} octets; a station takes {MAX_PDU}")
 
     def check_body(self, pdu: bytes) -> None:
-        """Raise RefusedError, which names field and bit, for what a user has encoded and does not decode."""
+        """Raise RefusedError with field and bit if a user's PDU does not decode."""
         try:
             self.message.view(pdu)
         except (ValueError, MemoryError) as error:
             raise RefusedError("undecodable", str(error)) from error
 
     def is_exact(self, pdu: bytes) -> bool | None:
-        """Return whether encoding it again gives the same octets; None if it does not decode."""
+        """Return whether decoding and encoding again gives the same octets; None if it does not decode."""
         try:
             return bool(self.message.encode(self.message.view(pdu)) == pdu)
         except (ValueError, MemoryError):
             return None
 
     def is_valid(self, pdu: bytes) -> bool:
-        """Return whether a message keeps every constraint of the standard."""
+        """Return whether a message satisfies every constraint of its standard."""
         try:
             self.message.validate(pdu)
         except (ValueError, MemoryError):
@@ -188,7 +198,7 @@ class Edition:
         return True
 
     def unknown_parts(self, pdu: bytes) -> int:
-        """Return the number of parts of a message that this edition does not know."""
+        """Return the number of parts (extensions) of a message that this edition does not know."""
         return _leaves(self.message, pdu).unknown
 
     def _is_made_of(self, cdr: bytes, original: bytes) -> bool:
@@ -209,9 +219,10 @@ class Edition:
 
 
 class Kept:
-    """Messages of which something has no place in ROS, by their station: the most recent of the most recent.
+    """Recently received messages with parts that ROS lacks, by station.
 
-    The thread that receives writes, the one that sends reads: what it reads is a copy.
+    It holds the last KEPT_OF_A_STATION messages of the last KEPT_STATIONS stations. The receiving thread adds messages;
+    the executor's thread reads copies.
     """
 
     def __init__(self) -> None:
@@ -230,17 +241,20 @@ class Kept:
             own.append(pdu)
 
     def of(self, pdu: bytes) -> list[bytes]:
-        """Those with this header, the newest first."""
+        """Return the kept messages with this header, newest first."""
         return list(self._stations.get(pdu[:ITS_HEADER], ()))[::-1]
 
     def newest(self) -> list[bytes]:
-        """The newest of all, MOST_TRIED at most: those of the station that was heard last come first."""
+        """Return at most MOST_TRIED kept messages; those of the station heard last come first."""
         recent = list(self._stations.values())[-MOST_TRIED:][::-1]
         return [pdu for own in recent for pdu in list(own)[::-1]][:MOST_TRIED]
 
 
 class Leaves(NamedTuple):
-    """Values without field names, and the number of unknown parts. Not read: the values are unique."""
+    """Concatenated values without field names, and the number of unknown parts.
+
+    is_read  False if they could not be listed; `values` then holds the edition's name, which equals no other.
+    """
 
     values: bytes
     unknown: int
@@ -266,7 +280,7 @@ def _is_exact(message: Any, pdu: bytes) -> bool:
 
 
 def _is_broken(error: BaseException) -> bool:
-    """Return whether octets are no message of the type at all, in contrast to one with an invalid value."""
+    """Return whether the octets are malformed as a whole, in contrast to a message with an invalid value."""
     reason = str(getattr(error, "reason", ""))
     return not getattr(error, "path", "") or reason.startswith(("truncated", "octets behind"))
 

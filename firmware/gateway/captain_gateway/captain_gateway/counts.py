@@ -1,20 +1,23 @@
-"""What is counted of one handler, and how often a complaint is logged."""
+"""Counters of one handler, and the rate limit of its log lines."""
 
 from collections import Counter
 from dataclasses import dataclass, field, replace
 
-LONGEST_NAME = 64  # characters; those of messages have ten
+LONGEST_NAME = 64  # characters; names of message types have about ten
 
 
 @dataclass
 class Counts:
-    """Of one handler. Those of each part are written by one thread: of receiving by the one that receives."""
+    """Counters of one handler. Each is written by one thread only.
+
+    The receiving thread counts received messages and outcomes, the executor's thread messages to send.
+    """
 
     received: int = 0
     published: int = 0
     not_published: Counter[str] = field(default_factory=Counter)
     left_out: int = 0
-    doubtful: int = 0  # published, and another edition of the same header reads other values
+    doubtful: int = 0  # published, although another edition with the same header decodes to other values
     why_not_published: str = ""
     taken: int = 0
     sent: int = 0
@@ -24,13 +27,13 @@ class Counts:
     why_refused: str = ""
 
     def now(self) -> "Counts":
-        """As they are: a copy, while another thread counts on. dict() of a Counter is one step of the interpreter."""
+        """Return a copy while another thread counts on. dict() of a Counter is atomic in CPython."""
         counters = {name: Counter(dict(getattr(self, name))) for name in ("not_published", "not_sent", "outcomes")}
         return replace(self, **counters)  # type: ignore[arg-type]
 
 
 class Tally:
-    """Counts by names that others make up: of so many names at most, and of the rest together."""
+    """Counters by name, for names chosen by peers. Beyond `most` names the rest are counted as "others"."""
 
     def __init__(self, most: int) -> None:
         self._most = most
@@ -43,19 +46,23 @@ class Tally:
         self._counts[name] = self._counts.get(name, 0) + 1
 
     def now(self) -> dict[str, int]:
-        """As they are: a copy, while another thread counts on."""
+        """Return a copy while another thread counts on."""
         return dict(self._counts)
 
 
 class Complaints:
-    """Lets the same complaint through once in a while, and says how many it has held back."""
+    """Rate limit of log lines: passes equal complaints once per period, and counts the suppressed ones."""
 
     def __init__(self, period_s: float) -> None:
         self.period_s = period_s
         self._said: dict[tuple[str, str], tuple[float, int]] = {}
 
     def say(self, about: str, cause: str, text: str, now: float) -> str | None:
-        """The line to log, or None. about and cause: which complaints are the same; few of either."""
+        """Return the line to log, or None if it is suppressed.
+
+        about, cause  complaints with the same pair are equal. Both take few values.
+        now           time in seconds, monotonic.
+        """
         last, held = self._said.get((about, cause), (None, 0))
         if last is not None and now - last < self.period_s:
             self._said[about, cause] = (last, held + 1)

@@ -1,4 +1,4 @@
-"""What /diagnostics says of the gateway: the station, and each handler."""
+"""Statuses for /diagnostics: of the station and of each handler."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -20,7 +20,13 @@ class Status(NamedTuple):
 def of_station(
     where: str, is_there: bool | None, told: Mapping[str, object], rubbish: int, sample: bytes, more: Mapping[str, str]
 ) -> Status:
-    """is_there: None before anything was heard or missed."""
+    """Return the status of the station at the address `where`.
+
+    is_there  its heartbeat was received within 3 s; None until it was first received or missed.
+    told      its last status report; empty before the first.
+    rubbish   number of unreadable messages; `sample`: start of the last one.
+    more      further values to show.
+    """
     values = {"address": where, "rubbish": str(rubbish)} | dict(more)
     if rubbish:
         values["last rubbish"] = sample.hex()
@@ -39,9 +45,13 @@ def of_station(
 
 
 def of_handler(name: str, counts: Counts, since: Counts, strangers: list[str], active: tuple[bool, bool]) -> Status:
-    """since: the counts at the last time; what was refused since then is a warning.
+    """Return the status of a handler.
 
-    active: of receive and transmit.
+    It is a warning if messages were refused or undecodable since the last status, or if other nodes have problems.
+
+    since      counters at the last status.
+    strangers  problems of other nodes on its topics.
+    active     parameters receive.active and transmit.active.
     """
     values = {
         "receive": "active" if active[0] else "inactive",
@@ -77,7 +87,7 @@ def of_handler(name: str, counts: Counts, since: Counts, strangers: list[str], a
 
 
 def _wrong(counts: Counts) -> int:
-    """Messages that were not sent though somebody wanted them to be."""
+    """Return the number of unsent messages, without those that settings or newer messages excluded on purpose."""
     return sum(count for cause, count in counts.not_sent.items() if cause not in ("inactive", "replaced"))
 
 

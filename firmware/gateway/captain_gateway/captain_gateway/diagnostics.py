@@ -1,4 +1,4 @@
-"""Says once a second how everything is, on /diagnostics, and looks who else is at the topics."""
+"""Diagnostics: publishes statuses once a second, and checks other nodes' types on the topics."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -17,10 +17,10 @@ PEERS_S = 2.0
 
 
 class Diagnostics:
-    """Of a node.
+    """Publisher of /diagnostics, once per second; also checks the types of other nodes every 2 s.
 
-    publisher  of DiagnosticArray
-    others     makes the statuses that are not of handlers
+    publisher  of DiagnosticArray.
+    others     returns the statuses that do not belong to a handler.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Both ways between the gateway and a station's endpoint: a thread that receives, and a socket that sends."""
+"""Client of a station's endpoint: a thread that receives, and a socket that sends."""
 
 import json
 import threading
@@ -14,23 +14,24 @@ from .told import table
 
 Socket: TypeAlias = "zmq.Socket[bytes]"
 
-# A heartbeat comes once a second: three of them lost is nobody there.
+# A station sends a heartbeat once a second. After three lost ones it counts as absent.
 SILENT_S = 3.0
-# How long the thread may not look at whether it is to end, and at what has waited long enough while there is some.
+# Timeouts of poll(). They bound the delay until the thread notices end(). While messages wait for their indication,
+# the shorter one applies.
 IDLE_MS, BUSY_MS = 200, 10
-# A status of a station with a hundred interfaces has 100 KB; a peer that sends more is not a station.
+# Limit for a received message. The status of a station with a hundred interfaces has 100 KB.
 MOST_OCTETS = 1 << 20
-# Messages that libzmq keeps for a thread that is late: 10 s at 1,000 a second.
+# Receive queue of libzmq, in messages: 10 s at 1,000 messages a second if the thread is late.
 HIGH_WATER = 10_000
-# Messages that wait for a station that does not take them: a second's. Older ones are no news to anybody.
+# Send queue in messages, for a station that does not read: 1 s at 1,000 a second. Older messages are useless.
 MOST_UNSENT = 1_000
 BATCH = 64
-# A machine that loses its power or its network ends no connection: ZMTP's own heartbeats do, at both ends.
+# A machine that loses power or network does not close its connections. ZMTP heartbeats detect that at both ends.
 HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 1_000, 3_000
 
 
 class Address(NamedTuple):
-    """A host and its ports; pull and report are 0 where the box has none."""
+    """Host and ports of a station's endpoint; `pull` and `report` are 0 if the station lacks these ports."""
 
     host: str
     to_users: int
@@ -43,18 +44,18 @@ class Address(NamedTuple):
 
 
 class Listener(Protocol):
-    """Who is told; all in the thread that receives."""
+    """Receiver of a station's messages. All methods are called in the receiving thread."""
 
     def arrived(self, arrival: Arrival) -> None: ...
     def indicated(self, key: Key, how: How) -> None: ...
     def reported(self, topic: str, told: dict[str, object]) -> None: ...
     def present(self, is_there: bool) -> None: ...
     def passed(self) -> bool:
-        """Called after each turn. Whether something waits for what may come within milliseconds."""
+        """Called after each turn of the loop. Returns whether messages still wait for their indication."""
 
 
 class Receiving(threading.Thread):
-    """Owns the sockets to 5556 and 5558, and tells the listener of what comes."""
+    """Thread with the sockets to ports 5556 and 5558. It passes received messages to the listener."""
 
     def __init__(
         self, context: "zmq.Context[zmq.Socket[bytes]]", address: Address, joining: Joining, listener: Listener
@@ -82,7 +83,7 @@ class Receiving(threading.Thread):
         users = self._subscriber(self._address.to_users, b"")
         sockets = {users: self._user_message}
         if self._address.report:
-            # By "soon." a station tells of a message at once: it waits here for its indication.
+            # A subscription to "soon." makes the station send indications at once: messages wait here for theirs.
             topics = (b"soon.", b"indication.", b"confirm.", b"status.", b"time.")
             sockets[self._subscriber(self._address.report, *topics)] = self._report
         try:
@@ -104,7 +105,7 @@ class Receiving(threading.Thread):
                     self._take(one, take)
             if users in ready:
                 heard = now
-            # Before anything was heard or missed nobody knows.
+            # is_there is None until a first heartbeat was received or missed.
             is_silent = now - heard >= SILENT_S
             if is_there is is_silent or (is_there is None and (users in ready or is_silent)):
                 is_there = not is_silent
@@ -151,9 +152,9 @@ class Receiving(threading.Thread):
 
 
 class Sending:
-    """The socket that messages leave by: PUSH, or where the box has no PULL a PUB. Used by one thread.
+    """Socket to the station: PUSH, or PUB if the station has no PULL port. Used by one thread.
 
-    is_silent  whether the station has been heard of too long ago to be there: set by any thread.
+    is_silent  True if the station's heartbeat is missing; set by any thread.
     """
 
     def __init__(self, context: "zmq.Context[zmq.Socket[bytes]]", address: Address) -> None:
@@ -162,13 +163,16 @@ class Sending:
         self._socket = context.socket(zmq.PUSH if self._has_pull else zmq.PUB)
         self._socket.set(zmq.SNDHWM, MOST_UNSENT)
         self._socket.set(zmq.LINGER, 200)
-        self._socket.set(zmq.IMMEDIATE, 1)  # what is sent to nobody is refused, not kept for whoever comes
+        self._socket.set(zmq.IMMEDIATE, 1)  # refuse messages without a connection, do not queue them for a later one
         _watch(self._socket)
         self._where = address.url(address.pull or address.from_users)
         self._socket.connect(self._where)
 
     def send(self, pdu: bytes, options: dict[str, object]) -> None:
-        """Hand a message to the station. Raises RefusedError where there is none; a PUB knows by its silence alone."""
+        """Send a message. Raises RefusedError if no station takes it; with PUB, only a missing heartbeat shows that.
+
+        options  options of the request; empty for none. PUB cannot carry them.
+        """
         if self.is_silent:
             raise RefusedError("no-station", f"the station at {self._where} is silent: no heartbeat for 3 s")
         frames = [b"v2x.", pdu]
@@ -184,7 +188,7 @@ class Sending:
 
 
 def _watch(socket: Socket) -> None:
-    """A connection that is dead, or half of it, is noticed and made again."""
+    """Enable IPv6 and heartbeats, so that a dead or half-open connection is detected and re-established."""
     socket.set(zmq.IPV6, 1)
     socket.set(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)
     socket.set(zmq.HEARTBEAT_TIMEOUT, HEARTBEAT_TIMEOUT_MS)

@@ -1,14 +1,14 @@
-"""Failures that are nobody's bug; str() says what, where, the value, and the remedy."""
+"""Errors of users and peers; str() names place, value and remedy."""
 
 
 class GatewayError(Exception):
-    """What a user can put right: a parameter, a package that is not there."""
+    """Error of the user: an invalid parameter, or a package that is not installed."""
 
 
 class RefusedError(Exception):
     """A message that is not passed on.
 
-    cause  the counter that it goes to.
+    cause  name of the counter that counts it.
     """
 
     def __init__(self, cause: str, why: str) -> None:

@@ -1,4 +1,4 @@
-"""Which of the received messages a handler passes on: by station, age and place."""
+"""Filters of received messages, by station, age and place."""
 
 import math
 
@@ -9,18 +9,18 @@ from .values import Circle
 EARTH_M = 6_371_008.8  # mean radius, IUGG
 ITS_EPOCH_S = 1_072_915_200  # Unix time of 2004-01-01
 DELTA = 65_536  # GenerationDeltaTime counts milliseconds modulo this
-UNAVAILABLE = (900_000_001, 1_800_000_001)  # LatitudeValue, LongitudeValue of TS 102 894-2
+UNAVAILABLE = (900_000_001, 1_800_000_001)  # "unavailable" of LatitudeValue and LongitudeValue (TS 102 894-2)
 
 Place = tuple[float, float]  # latitude, longitude in degrees
 
 
 def refusal(pdu: bytes, edition: Edition, settings: Receive, own: Place | None) -> str | None:
-    """Why a message is not passed on: `station` or `area`; None where it is.
+    """Return why a message is not passed on: `station` or `area`; None if it is passed on.
 
-    own  own position
+    own  own position; None if unknown.
 
-    A message that does not say where it comes from passes; so does every one while own position is not known.
-    Raises ValueError where it does not decode.
+    A message without a position passes the area; every message does if the area needs own position and it is unknown.
+    Raises ValueError if the message does not decode.
     """
     station = int.from_bytes(pdu[2:6], "big")
     if (settings.stations and station not in settings.stations) or station in settings.not_stations:
@@ -31,19 +31,20 @@ def refusal(pdu: bytes, edition: Edition, settings: Receive, own: Place | None) 
 
 
 def is_old(pdu: bytes, edition: Edition, clock: str, most_s: float, its_ms: int) -> bool:
-    """Whether a message is older than so many seconds; one that does not say its time is not.
+    """Return whether a message is older than `most_s` seconds; False for a message without a time.
 
-    clock   how the time in it counts, as in Kind
-    its_ms  now, milliseconds of ITS time
+    clock   time format of the message, as in Kind.
+    its_ms  current ITS time in milliseconds.
     """
     seconds = age(pdu, edition, clock, its_ms)
     return seconds is not None and seconds > most_s
 
 
 def age(pdu: bytes, edition: Edition, clock: str, its_ms: int) -> float | None:
-    """Seconds since the time in a message, negative where that is still to come; None where it says none.
+    """Return the seconds since the time in a message, negative for the future; None if it has no time.
 
-    By GenerationDeltaTime it is within half a turn of now: -32.8 ... 32.8 s.
+    GenerationDeltaTime wraps every 65.536 s, so the result is then within -32.8 ... 32.8 s.
+    clock, its_ms  as in is_old().
     """
     generated = None if edition.generated is None else edition.generated(pdu)[0]
     if generated is None:
@@ -62,7 +63,7 @@ def is_inside(pdu: bytes, edition: Edition, circle: Circle, own: Place | None) -
 
 
 def distance_m(one: Place, other: Place) -> float:
-    """Great circle (haversine)."""
+    """Return the great-circle distance in m (haversine)."""
     (latitude, longitude), (to_latitude, to_longitude) = (map(math.radians, place) for place in (one, other))
     chord = (
         math.sin((to_latitude - latitude) / 2) ** 2
@@ -72,5 +73,8 @@ def distance_m(one: Place, other: Place) -> float:
 
 
 def its_ms(unix_s: float, leap_seconds: int) -> int:
-    """ITS time of a moment. leap_seconds: inserted since 2004, 5 since 2017 (TS 102 894-2, TimestampIts)."""
+    """Return the ITS time in milliseconds for a Unix time.
+
+    leap_seconds  inserted since 2004; 5 since 2017 (TS 102 894-2, TimestampIts).
+    """
     return round((unix_s - ITS_EPOCH_S + leap_seconds) * 1000)

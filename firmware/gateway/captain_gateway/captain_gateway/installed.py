@@ -1,11 +1,11 @@
-"""What of ROS packages is installed beside the gateway."""
+"""Installed ROS packages: finds their messages and services."""
 
 import importlib
 from typing import Any
 
 
 def message(ros_type: str) -> Any:
-    """A message class of rclpy by its name, None where its package is not installed."""
+    """Return the message class of rclpy for "package/msg/Name"; None if it is not installed."""
     package, _, name = ros_type.split("/")
     try:
         return getattr(importlib.import_module(f"{package}.msg"), name)
@@ -14,7 +14,7 @@ def message(ros_type: str) -> Any:
 
 
 def interfaces() -> Any:
-    """captain_gateway_msgs, None where it is not installed."""
+    """Import captain_gateway_msgs; None if it is not installed."""
     try:
         import captain_gateway_msgs.msg
         import captain_gateway_msgs.srv

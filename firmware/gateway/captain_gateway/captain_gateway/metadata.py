@@ -1,4 +1,4 @@
-"""captain_gateway_msgs/msg/Metadata as octets: a typed message would take fifty times as long to build."""
+"""Serialiser of captain_gateway_msgs/msg/Metadata; fifty times as fast as building a typed message."""
 
 import struct
 from typing import NamedTuple
@@ -10,13 +10,13 @@ UNKNOWN = How("", 0, "")
 NOTHING = Reception(0, 0, None, None, 0, 0, 0, 0, 0, 0, bytes(6))
 LITTLE_ENDIAN = b"\0\1\0\0"  # encapsulation: XCDR1
 
-# From `sequence` to `source_mac`, in the order of Metadata.msg: by that all are aligned with nothing between.
+# Fields from `sequence` to `source_mac`. The order of Metadata.msg makes them aligned without padding.
 _TIMES = struct.Struct("<QiIiI")
 _REST = struct.Struct("<ddddIHhH2xIBBBBB6s")
 
 
 class Note(NamedTuple):
-    """What is known of one published message when it is published."""
+    """Facts about a published message, as known at publication."""
 
     sequence: int
     pdu: bytes
@@ -27,7 +27,11 @@ class Note(NamedTuple):
 
 
 def cdr(note: Note, how: How | None, frame: bytes) -> bytes:
-    """frame: frame_id, ASCII."""
+    """Serialise captain_gateway_msgs/msg/Metadata.
+
+    Argument `how` has the facts of the indication; None if it did not arrive.
+    frame  frame_id in ASCII.
+    """
     known, how = note.reception or NOTHING, how or UNKNOWN
     stamp_ns = known.received_ns or note.published_ns
     pdu = note.pdu
@@ -52,7 +56,7 @@ def cdr(note: Note, how: How | None, frame: bytes) -> bytes:
 
 
 def _stamp(ns: int) -> tuple[int, int]:
-    """builtin_interfaces/Time, whose seconds have 32 bits."""
+    """Return seconds and nanoseconds of builtin_interfaces/Time, limited to 32-bit seconds."""
     seconds, rest = divmod(ns, 1_000_000_000)
     return max(-(1 << 31), min((1 << 31) - 1, seconds)), rest
 

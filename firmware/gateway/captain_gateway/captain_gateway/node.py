@@ -1,4 +1,4 @@
-"""The node: what the other files do, put together over one station and one ROS node."""
+"""ROS node of the gateway: connects topics, handlers and a station's endpoint."""
 
 import socket
 import time
@@ -27,11 +27,14 @@ from .services import Services
 from .timers import every
 from .topics import WAYS, Topics
 
-MOST_TYPES = 64  # names of types without a handler that are counted
+MOST_TYPES = 64  # most types without a handler that are counted by name
 
 
 class Gateway:
-    """Everything, from parameters to topics. Raises GatewayError for what a user can put right."""
+    """The node's objects: parameters, handlers, topics, services, sockets.
+
+    Raises GatewayError for errors of the user.
+    """
 
     def __init__(self, node: Any, library: ModuleType) -> None:
         self._node = node
@@ -82,12 +85,15 @@ class Gateway:
                 "by colcon, as captain_gateway"
             )
         for name in self._parameters.unknown():
-            self._log.warning(f"parameter {name}: there is none of this name; it is ignored")
+            self._log.warning(f"parameter {name}: unknown; it is ignored")
         names = ", ".join(f"{channel.kind.name} ({channel.edition.name})" for channel in self.channels.values())
         self._log.info(f"gateway to {self.address.url(self.address.to_users)}: {names}")
 
     def close(self) -> None:
-        """Idempotent. What the station has been given leaves; nothing is published any more."""
+        """Stop. Messages already handed to the socket are still sent; nothing more is published.
+
+        May be called twice.
+        """
         self._receiving.end()
         self._sending.close()
         self.context.term()
@@ -104,7 +110,7 @@ class Gateway:
                 edition = Edition(library, values["edition"] or kind.editions[0], self._profile, kind)
             except GatewayError:
                 if values["edition"]:
-                    raise  # somebody means it
+                    raise  # the user named this edition; a default is skipped instead
                 absent.append(f"{name} (not in the message library)")
                 continue
             type_ = installed.message(edition.ros_type + ("List" if self._chosen["lists"] else ""))
@@ -113,12 +119,11 @@ class Gateway:
                 continue
             made[name] = self._make_channel(name, edition, type_, values)
         if absent:
-            self._log.info(f"not here, because their message packages are not installed: {', '.join(absent)}")
+            self._log.info(f"without topics, because the message packages are not installed: {', '.join(absent)}")
         if not made:
             raise GatewayError(
-                f"no message package is installed of {', '.join(absent) or 'no handler'}: generate some by "
-                "captain-asn1 generate cam-1.4.1 denm-1.3.1 --form ros2 --to DIR, build them by colcon, and source "
-                "their setup file"
+                f"no message package is installed of {', '.join(absent) or 'any handler'}; generate them: captain-asn1 "
+                "generate cam-1.4.1 denm-1.3.1 --format ros2 --to DIR. Then run colcon build, and source its setup file"
             )
         return made
 
@@ -191,7 +196,7 @@ class Gateway:
         elif self._is_there is not None:
             self._log.error(f"the station at {where} is silent: no heartbeat for 3 s; nothing is sent until it is back")
         else:
-            self._log.warning(f"no station is heard at {where}: is it `captain run` there, and station.host right?")
+            self._log.warning(f"no station is heard at {where}; check that `captain run` runs there, and station.host")
         self._is_there = is_there
         self._sending.is_silent = not is_there
 
@@ -217,7 +222,7 @@ class Gateway:
     # -- to the station, in the executor's thread
 
     def send(self, channel: Channel, pdu: bytes, asked: dict[str, object], label: str = "") -> None:
-        """Raises RefusedError where no station takes it."""
+        """Send a PDU. Raises RefusedError if no station takes it."""
         if self._chosen["confirms"] and self.address.report:
             self._label_number += 1
             asked["label"] = f"{self._label_prefix}{channel.kind.name}#{self._label_number}:{label}"
@@ -251,7 +256,7 @@ class Gateway:
             self._set_timer(channel)
 
     def _others(self) -> list[diagnosis.Status]:
-        """What diagnostics say beside the handlers. A bug in the thread that receives ends the node here."""
+        """Return the statuses of station and requests. Raise the error of the receiving thread, which ends the node."""
         if self._receiving.error is not None:
             raise self._receiving.error
         more = {f"without a handler: {name}": str(count) for name, count in sorted(self._without.now().items())}
@@ -263,7 +268,7 @@ class Gateway:
 
 
 def run(arguments: list[str], library: ModuleType) -> None:
-    """Until it is interrupted. Raises GatewayError."""
+    """Run the node until it is interrupted. Raises GatewayError for errors of the user."""
     node = _node(arguments)
     gateway = None
     try:
@@ -280,7 +285,7 @@ def run(arguments: list[str], library: ModuleType) -> None:
 
 
 def _node(arguments: list[str]) -> Any:
-    """Raises GatewayError for arguments and parameter files that rclpy does not take."""
+    """Create the node. Raises GatewayError for arguments and parameter files that rclpy refuses."""
     with in_words("arguments of ROS"):
         rclpy.init(args=arguments)
         return rclpy.create_node("captain_gateway")

@@ -1,4 +1,4 @@
-"""Where the own station is and what time it has, out of what it reports: numbers for ROS, without ROS."""
+"""Own position and time: parses the station's reports, converts them for ROS."""
 
 import math
 from typing import Any, NamedTuple
@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 from .filters import ITS_EPOCH_S, Place
 from .told import number
 
-# WGS84 (NIMA TR8350.2): semi-major axis in m, first eccentricity squared.
+# Semi-major axis in m and square of the first eccentricity of WGS84 (NIMA TR8350.2).
 AXIS_M = 6_378_137.0
 ECCENTRICITY_2 = 6.69437999014e-3
 
-MOST_MS = 1_000_000_000_000  # of ITS time: 2035; builtin_interfaces/Time ends in 2038
-MOST_M = 1e8  # further than any receiver works: satellites are at 4e7 m
-# What a receiver can mean, as Pose has it.
+MOST_MS = 1_000_000_000_000  # latest accepted ITS time in ms (2035); builtin_interfaces/Time ends in 2038
+MOST_M = 1e8  # limit for lengths in m; the farthest GNSS satellites are at 4e7 m
+# Plausible ranges of the fields of Pose. A value outside counts as unknown.
 LIMITS = {
     "latitude": (-90.0, 90.0),
     "longitude": (-180.0, 180.0),
@@ -25,7 +25,12 @@ LIMITS = {
 
 
 class Pose(NamedTuple):
-    """Degrees, m, m/s; None is not known. source: an interface or `configured`. carrier: none, float, fixed."""
+    """Own position in degrees, m and m/s; None if unknown.
+
+    horizontal_m, vertical_m  accuracy.
+    source   an interface, or `configured`.
+    carrier  use of carrier phases: none, float, fixed.
+    """
 
     latitude: float
     longitude: float
@@ -39,7 +44,7 @@ class Pose(NamedTuple):
 
 
 def pose(status: dict[str, Any]) -> Pose | None:
-    """Of a status of the station; None where it does not know its place."""
+    """Return the position from a status report; None if the station does not know it."""
     told = status.get("position")
     if not isinstance(told, dict):
         return None
@@ -58,7 +63,7 @@ def pose(status: dict[str, Any]) -> Pose | None:
 class Clock(NamedTuple):
     """The station's own time.
 
-    unix_ns  when it said so; None where it does not know.
+    unix_ns  Unix time in ns of the report; None if the station does not know it.
     """
 
     unix_ns: int | None
@@ -67,7 +72,7 @@ class Clock(NamedTuple):
 
 
 def clock(time: dict[str, Any]) -> Clock:
-    """Of what the station reports under `time.`."""
+    """Return the time from a report `time.` of the station."""
     leap = time.get("leap")
     seconds = leap.get("seconds") if isinstance(leap, dict) else None
     leap_seconds = seconds if isinstance(seconds, int) and 0 <= seconds < 100 else None
@@ -79,7 +84,10 @@ def clock(time: dict[str, Any]) -> Clock:
 
 
 def east_north_up(origin: tuple[float, float, float], place: Place, altitude_m: float) -> tuple[float, float, float]:
-    """A place in m from an origin (latitude, longitude in degrees, altitude in m): REP 103's axes."""
+    """Return a place as east, north, up in m from an origin (axes of REP 103).
+
+    origin  latitude and longitude in degrees, altitude in m.
+    """
     latitude, longitude = math.radians(origin[0]), math.radians(origin[1])
     away = tuple(a - b for a, b in zip(_ecef(*place, altitude_m), _ecef(*origin), strict=True))
     east = -math.sin(longitude) * away[0] + math.cos(longitude) * away[1]
@@ -92,7 +100,10 @@ def east_north_up(origin: tuple[float, float, float], place: Place, altitude_m: 
 
 
 def quaternion(heading_deg: float) -> tuple[float, float]:
-    """z and w of the rotation about the vertical; heading from north, clockwise, as yaw from east (REP 103)."""
+    """Return z and w of the rotation about the vertical axis.
+
+    heading_deg counts clockwise from north; yaw in ROS counts counterclockwise from east (REP 103).
+    """
     yaw = math.radians(90.0 - heading_deg)
     return math.sin(yaw / 2), math.cos(yaw / 2)
 

@@ -1,4 +1,4 @@
-"""Own station as ROS knows positions and clocks: NavSatFix, TimeReference, a pose in the map, a transform."""
+"""Topics of own position and time: NavSatFix, TimeReference, PoseStamped, transform."""
 
 from typing import Any
 
@@ -10,15 +10,15 @@ from . import own
 from .filters import Place
 from .own import Pose
 
-# How far off a receiver says that it is at most (95 %), in standard deviations.
+# A receiver reports its error with 95 % confidence: that is two standard deviations.
 DEVIATIONS_OF_A_BOUND = 2.0
-CARRIER = ("float", "fixed")  # phases of it are used, with corrections from a base
+CARRIER = ("float", "fixed")  # carrier-phase solutions, with corrections from a base station
 
 
 class OwnTopics:
-    """Publishes what the station reports of itself, once a second. It is told by the thread that receives.
+    """Publishes own position and time, once a second. The receiving thread calls its methods.
 
-    origin  of the map: latitude, longitude, altitude_m; None: the first own position.
+    origin  origin of the map: latitude, longitude, altitude_m; None: use the first own position.
     """
 
     def __init__(
@@ -30,11 +30,12 @@ class OwnTopics:
         qos: Any,
     ) -> None:
         self.place: Place | None = None
-        self.leap_seconds = 5  # since 2017; the station knows better once it has said so
+        self.leap_seconds = 5  # valid since 2017; replaced by the value that the station reports
         self._node = node
         self._map, self._station = frames
         self._origin = origin
-        # That of the last heading: who stops has none, and stands as before. Nobody is said to face east before.
+        # Last known orientation, because a stopped station has no heading. No pose is published before the first
+        # heading.
         self._turn: tuple[float, float] | None = None
         self._fix = qos(NavSatFix, "own/fix")
         self._pose = qos(PoseStamped, "own/pose")
@@ -52,11 +53,11 @@ class OwnTopics:
 
     @property
     def why_no_transform(self) -> str:
-        """Empty where there is one."""
+        """Reason why no transform is published; empty if it is published."""
         return self._lacking or ("no heading has been known yet" if self._turn is None else "")
 
     def status(self, told: dict[str, Any]) -> None:
-        """A status of the station."""
+        """Publish the position of a status report."""
         pose = own.pose(told)
         if pose is None:
             self.place = None
@@ -73,7 +74,7 @@ class OwnTopics:
             self._publish_pose(stamp, (east, north, up), self._turn)
 
     def time(self, told: dict[str, Any]) -> None:
-        """What the station says of its time."""
+        """Publish the time of a report `time.`."""
         clock = own.clock(told)
         if clock.leap_seconds is not None:
             self.leap_seconds = clock.leap_seconds
@@ -87,7 +88,7 @@ class OwnTopics:
         self._time.publish(message)
 
     def _altitude(self, pose: Pose) -> float:
-        """That of the origin where the receiver has none: then the map is flat."""
+        """Return the altitude in m; that of the origin if the receiver reports none."""
         if pose.altitude_m is not None:
             return pose.altitude_m
         return 0.0 if self._origin is None else self._origin[2]

@@ -1,4 +1,4 @@
-"""What a station says of one received message, in three parts on two sockets, put together again."""
+"""Pairing of the three ZeroMQ messages per received message: raw, PDU and indication."""
 
 import hashlib
 from collections import OrderedDict
@@ -8,16 +8,16 @@ from typing import Any, NamedTuple
 from .errors import GatewayError
 from .told import table
 
-# Asked for soon, an indication comes within a millisecond of its message; on a machine that is late, with what else has
-# piled up.
+# Longest wait for an indication. With "soon." it follows its message within a millisecond; on an overloaded machine
+# it arrives later, together with other queued messages.
 LATEST_S = 0.05
-# Indications of messages that never come: of duplicates that the station has suppressed.
+# Most waiting indications. Those of duplicates wait in vain, because the station suppresses the message.
 MOST = 1024
 MOST_PORT = 0xFFFF
 
 
 class Reception(NamedTuple):
-    """RawRxMessage without its payload. Times are Unix time in ns; places 1e-7 degree; 0 and None are not known."""
+    """RawRxMessage without its payload. Times are Unix time in ns, places in 1e-7 degree; 0 and None mean unknown."""
 
     received_ns: int
     own_ns: int
@@ -33,7 +33,7 @@ class Reception(NamedTuple):
 
 
 class How(NamedTuple):
-    """What an indication adds."""
+    """Facts that only the indication has."""
 
     interface: str
     btp_port: int
@@ -41,7 +41,7 @@ class How(NamedTuple):
 
 
 class Arrival(NamedTuple):
-    """A received message. type: as in its envelope."""
+    """A received message. type: the part of its envelope between `v2x.` and the last dot."""
 
     type: str
     pdu: bytes
@@ -52,7 +52,7 @@ STATUS = {"none": 0, "invalid-fmt": 1, "verified-pkt": 2, "unverifiable-pkt": 3}
 
 
 class RawReader:
-    """Reads RawRxMessage by the message library. Raises GatewayError where that has no such message."""
+    """Decoder of RawRxMessage. Raises GatewayError if the message library lacks it."""
 
     PATHS = (
         "localInfo.timestamp.sec", "localInfo.timestamp.usec",
@@ -73,7 +73,7 @@ class RawReader:
             ) from error
 
     def __call__(self, octets: bytes) -> tuple[Reception, bytes]:
-        """What is known, and the payload. Raises ValueError."""
+        """Return the known facts and the payload. Raises ValueError if it does not decode."""
         (own_s, own_us, own_latitude, own_longitude, second, us, rssi, data_rate, traffic_class, hop_limit,
          security, its_aid, latitude, longitude, mac, pdu) = self._read(octets)  # fmt: skip
         has_own = own_s is not None
@@ -92,7 +92,11 @@ def _ns(seconds: int, microseconds: int) -> int:
 
 
 class Joining:
-    """Joins `raw.` and `v2x.<type>.` of 5556, which follow each other; rubbish is counted, that of 5558 as well."""
+    """Joins the messages `raw.` and `v2x.<type>.` of port 5556, which follow each other.
+
+    rubbish  number of unreadable messages, including those of port 5558.
+    sample   first octets of the last one.
+    """
 
     def __init__(self, read: RawReader) -> None:
         self.rubbish = 0
@@ -101,7 +105,7 @@ class Joining:
         self._raw: tuple[Reception, bytes] | None = None
 
     def feed(self, frames: list[bytes]) -> Arrival | None:
-        """Take one ZeroMQ message. Returns an Arrival for `v2x.<type>.`, None for the rest; never raises."""
+        """Take one ZeroMQ message. Returns an Arrival for `v2x.<type>.`, None for the rest. It never raises."""
         if len(frames) != 2:
             self.reject(b"".join(frames))
             return None
@@ -121,21 +125,21 @@ class Joining:
         return None
 
     def reject(self, sample: bytes) -> None:
-        """Count what is no message of a station."""
+        """Count an unreadable message."""
         self.rubbish += 1
         self.sample = sample[:32]
 
 
-Key = tuple[bytes, int]  # the first 8 octets of a SHA-256, and received_ns in microseconds
+Key = tuple[bytes, int]  # first 8 octets of the PDU's SHA-256, and time of reception in microseconds
 
 
 def key(pdu: bytes, received_ns: int) -> Key:
-    """By what an indication and its message know each other: RawRxMessage has microseconds."""
+    """Return the key that an indication and its message share. Time is in microseconds, as in RawRxMessage."""
     return hashlib.sha256(pdu).digest()[:8], received_ns // 1000
 
 
 def indication(octets: bytes) -> tuple[Key, How] | None:
-    """Of an indication as the station's report port has it; None for rubbish."""
+    """Parse an indication of the report port; None if it is malformed."""
     told = table(octets)
     if told is None:
         return None
@@ -148,21 +152,21 @@ def indication(octets: bytes) -> tuple[Key, How] | None:
 
 
 class Waiting:
-    """Messages whose indication has not come yet, and indications whose message has not."""
+    """Messages that wait for their indication, and indications that wait for their message."""
 
     def __init__(self) -> None:
         self._messages: OrderedDict[Key, tuple[float, Any]] = OrderedDict()
         self._indications: OrderedDict[Key, How] = OrderedDict()
 
     def message(self, key: Key, what: Any, now: float) -> How | None:
-        """How it came, where that is known; else it waits."""
+        """Return the indication of a message, if it has arrived; else None, and `what` waits for it."""
         how = self._indications.pop(key, None)
         if how is None:
             self._messages[key] = (now, what)
         return how
 
     def indication(self, key: Key, how: How) -> Any | None:
-        """What waited for it."""
+        """Return the object that waited for this indication; else None, and the indication waits for its message."""
         found = self._messages.pop(key, None)
         if found is not None:
             return found[1]
@@ -172,7 +176,7 @@ class Waiting:
         return None
 
     def expired(self, now: float) -> list[Any]:
-        """What has waited long enough."""
+        """Remove and return the objects that have waited longer than LATEST_S, or exceed MOST."""
         gone = []
         while self._messages:
             key, (since, what) = next(iter(self._messages.items()))

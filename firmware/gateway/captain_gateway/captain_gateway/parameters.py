@@ -1,4 +1,4 @@
-"""The parameters of a node: declared, read, and changed while it runs."""
+"""Parameters of a node: declares and reads them, and reports changes."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -13,23 +13,29 @@ Values = Mapping[str, Any]
 
 
 class Parameters:
-    """Values of a node's parameters as ROS has them; all have been read once and were allowed."""
+    """Parameters of a node. Their values stay as ROS has them; each was validated."""
 
     def __init__(self, node: Any) -> None:
         self._node = node
         self._options: dict[str, Option] = {}
 
     def gateway(self) -> dict[str, Any]:
-        """Declares those of the gateway. Returns what they are read to. Raises GatewayError."""
+        """Declare the parameters of the gateway. Returns their parsed values.
+
+        Raises GatewayError for an invalid value.
+        """
         return {name: option.read(self._declare(name, option)) for name, option in GATEWAY.items()}
 
     def handler(self, name: str) -> dict[str, Any]:
-        """Declares those of a handler. Returns their values as ROS has them. Raises GatewayError."""
+        """Declare the parameters of a handler.
+
+        Returns their values as ROS has them. Raises GatewayError for an invalid value.
+        """
         return {key: self._declare(f"{name}.{key}", option) for key, option in HANDLER.items()}
 
     def unknown(self) -> list[str]:
-        """Names that were given at the start, and are those of nothing: of a slip of the pen nobody else tells."""
-        given = getattr(self._node, "_parameter_overrides", {})  # rclpy has no other way to ask
+        """Return the names of given parameters that do not exist. ROS does not report a misspelt name."""
+        given = getattr(self._node, "_parameter_overrides", {})  # rclpy has no public attribute for it
         of_handlers = {f"{kind}.{rest}" for kind in KINDS for rest in HANDLER}
         return sorted(
             name for name in given
@@ -37,7 +43,7 @@ class Parameters:
         )  # fmt: skip
 
     def on_change(self, changed: Callable[[str, Any], None]) -> None:
-        """Whom to tell of each that is set from now on: its full name and its value as ROS has it."""
+        """Call `changed` for each later change, with the full name and the value as ROS has it."""
 
         def check(parameters: list[Any]) -> SetParametersResult:
             for one in parameters:
@@ -61,7 +67,8 @@ class Parameters:
                 tell(parameters)
             return result
 
-        # Humble has no callback behind the change: there it is told when it is checked, and nobody else refuses.
+        # Humble has no callback after a change. There the check itself reports it; no other callback can refuse it
+        # later.
         if hasattr(self._node, "add_post_set_parameters_callback"):
             self._node.add_on_set_parameters_callback(check)
             self._node.add_post_set_parameters_callback(tell)
@@ -69,7 +76,7 @@ class Parameters:
             self._node.add_on_set_parameters_callback(check_and_tell)
 
     def _declare(self, name: str, option: Option) -> Any:
-        # Of any type: an empty list has none, and a whole number is a number.
+        # Dynamic typing, because an empty list has no element type, and a whole number is allowed for a float.
         descriptor = ParameterDescriptor(description=option.meaning, read_only=option.is_fixed, dynamic_typing=True)
         try:
             value = _plain(self._node.declare_parameter(name, option.default, descriptor).value)
@@ -81,5 +88,5 @@ class Parameters:
 
 
 def _plain(value: Any) -> Any:
-    """Arrays of numbers are array.array in rclpy."""
+    """Return a value with lists in place of array.array, which rclpy uses for numbers."""
     return list(value) if hasattr(value, "typecode") else value

@@ -1,11 +1,11 @@
-"""Who else is at the gateway's topics with something else: another type, or another definition of the same type."""
+"""Nodes that use the gateway's topics with another type or definition."""
 
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 
 class Peer(NamedTuple):
-    """An end of a topic, as discovery tells it. hash: RIHS01 in words; empty where this ROS does not say (Humble)."""
+    """A publisher or subscriber of a topic, from discovery. hash: RIHS01 as text; empty if ROS has none (Humble)."""
 
     node: str
     type: str
@@ -14,7 +14,7 @@ class Peer(NamedTuple):
 
 
 def peer(info: Any) -> Peer:
-    """Of rclpy's TopicEndpointInfo."""
+    """Convert a TopicEndpointInfo of rclpy."""
     hash_ = getattr(info, "topic_type_hash", None)
     value = bytes(getattr(hash_, "value", b""))
     said = f"RIHS{hash_.version:02d}_{value.hex()}" if any(value) and hash_ is not None else ""
@@ -22,9 +22,9 @@ def peer(info: Any) -> Peer:
 
 
 def strangers(topic: str, own: Iterable[Peer], others: Iterable[Peer]) -> list[str]:
-    """What is wrong with each of the others, in words.
+    """Return a sentence for each peer with another type or another definition of it.
 
-    own  the gateway's own ends of the topic: of the type and definition that are expected.
+    own  the gateway's own ends of the topic; the first has the expected type and definition.
     """
     expected = next(iter(own), None)
     if expected is None:

@@ -1,4 +1,4 @@
-"""What rclpy does not take of a user's names and parameters, in a line."""
+"""Errors of rclpy for invalid names and parameters, converted to one line."""
 
 import contextlib
 from collections.abc import Iterator
@@ -8,13 +8,13 @@ from rclpy.qos_overriding_options import InvalidQosOverridesError
 
 from .errors import GatewayError
 
-# RuntimeError: RCLError and its kin, which no module of rclpy names for users.
+# RuntimeError covers RCLError and related errors, which no public module of rclpy exports.
 REFUSALS = (RuntimeError, ValueError, NameValidationException, ParameterException, InvalidQosOverridesError)
 
 
 @contextlib.contextmanager
 def in_words(about: str) -> Iterator[None]:
-    """Raises GatewayError, with what it is about, for whatever is refused inside."""
+    """Raise GatewayError with `about` and the reason, on one line, for each refusal of rclpy."""
     try:
         yield
     except REFUSALS as error:

@@ -1,4 +1,4 @@
-"""What needs captain_gateway_msgs: requests with options, confirms, services."""
+"""Requests with options, confirms and services: the parts that need captain_gateway_msgs."""
 
 from typing import Any, Protocol
 
@@ -11,13 +11,13 @@ from .services import Services
 from .told import number
 from .values import MOST_ANGLE, MOST_DISTANCE
 
-SHAPES = ("", "circle", "rectangle", "ellipse")  # as Area.msg numbers them
+SHAPES = ("", "circle", "rectangle", "ellipse")  # index: number of the shape in Area.msg
 MOST_TIME = 2.0**31 - 1  # builtin_interfaces/Time
-LONGEST_LABEL = 256  # characters: a station reads no more than 4096 octets of options
+LONGEST_LABEL = 256  # characters; a station reads at most 4096 octets of options
 
 
 class Gateway(Protocol):
-    """What it asks of the node."""
+    """Members of the node that Requests uses."""
 
     channels: dict[str, Channel]
 
@@ -29,11 +29,10 @@ class Gateway(Protocol):
 
 
 class Requests:
-    """Topics `request` and `confirm`, services `~/encode` and `~/decode`."""
+    """Topics `request` and `confirm`, and services `~/encode` and `~/decode`."""
 
     def __init__(self, gateway: Gateway, messages: Any, services: Services) -> None:
         self._gateway = gateway
-        self._services = services
         self._messages = messages
         self._routing = Routing(gateway.channels.values())
         self._taken = self._refused = self._refused_before = 0
@@ -44,7 +43,11 @@ class Requests:
         gateway.node.create_service(messages.srv.Decode, "~/decode", services.decode)
 
     def confirm(self, told: dict[str, Any], label: str) -> None:
-        """Publish what the station says; in the thread that receives."""
+        """Publish a confirm of the station. Called in the receiving thread.
+
+        told   the station's report.
+        label  chosen by the user.
+        """
         if not self._confirms.get_subscription_count():
             return
         message = self._messages.msg.Confirm(label=label)
@@ -90,10 +93,13 @@ class Requests:
         channel.hand_over(pdu, options, request.label)
 
     def _channel(self, type_: str, pdu: bytes) -> Channel:
-        """Of the handler that the type names; with octets alone, of the one that would receive them."""
+        """Return the handler that `type_` names; without a type, the one that would receive the PDU.
+
+        Raises RefusedError.
+        """
         if not type_:
             if len(pdu) < ITS_HEADER:
-                raise RefusedError("request", "neither type nor a message in pdu: whose message is it?")
+                raise RefusedError("request", "neither type nor a message in pdu; give one of them")
             found = self._routing.find(pdu)
             if found is None:
                 raise RefusedError("request", f"pdu: no handler has messageID {pdu[1]}")
@@ -101,14 +107,17 @@ class Requests:
         for channel in self._gateway.channels.values():
             if type_ in (channel.kind.name, channel.edition.name, channel.edition.ros_type):
                 return channel
-        raise RefusedError("request", f"type: {type_!r} is none of {', '.join(self._gateway.channels)}")
+        raise RefusedError("request", f"type: {type_!r} is not one of {', '.join(self._gateway.channels)}")
 
 
 def asked(request: Any) -> dict[str, object]:
-    """Options of the station's endpoint, out of captain_gateway_msgs/msg/Request. Raises RefusedError."""
+    """Convert captain_gateway_msgs/msg/Request to options of the station's endpoint.
+
+    Raises RefusedError for a label, priority, lifetime or area out of range, and for a hop_limit without area.
+    """
     found: dict[str, object] = {}
     if len(request.label) > LONGEST_LABEL:
-        raise RefusedError("request", f"label: {len(request.label)} characters; {LONGEST_LABEL} are kept")
+        raise RefusedError("request", f"label: {len(request.label)} characters; at most {LONGEST_LABEL} are allowed")
     if request.interfaces:
         found["interfaces"] = list(request.interfaces)
     if request.btp_port:
@@ -117,18 +126,18 @@ def asked(request: Any) -> dict[str, object]:
         found["traffic_class"] = request.traffic_class
     if request.priority_is_present:
         if request.priority > 7:
-            raise RefusedError("request", f"priority: {request.priority} is not in 0..7")
+            raise RefusedError("request", f"priority: {request.priority} is out of range; 0 to 7")
         found["priority"] = request.priority
     if request.lifetime:
         if not 0.0 < request.lifetime <= 86400.0:
-            raise RefusedError("request", f"lifetime: {request.lifetime:g} is not in 0..86400 s")
+            raise RefusedError("request", f"lifetime: {request.lifetime:g} is out of range; 0 to 86400 s")
         found["lifetime_s"] = request.lifetime
     if request.area.shape:
         found["area"] = _area(request.area)
     if request.hop_limit:
         if not request.area.shape:
             raise RefusedError(
-                "request", f"hop_limit: {request.hop_limit} is that of a GeoBroadcast: give an area as well"
+                "request", f"hop_limit: {request.hop_limit} needs an area, because only a GeoBroadcast has it"
             )
         found["hop_limit"] = request.hop_limit
     return found
@@ -145,12 +154,12 @@ def _area(area: Any) -> dict[str, object]:
     for name, (low, high) in limits.items():
         value = getattr(area, name)
         if not low <= value <= high:
-            raise RefusedError("request", f"area.{name}: {value:g} is not in {low}..{high}")
+            raise RefusedError("request", f"area.{name}: {value:g} is out of range; {low} to {high}")
     found = {"shape": SHAPES[area.shape]} | {
         name: getattr(area, name) for name in ("latitude", "longitude", "distance_a")
     }
     if found["shape"] != "circle":
         if not area.distance_b:
-            raise RefusedError("request", f"area.distance_b: nobody can be in a {found['shape']} of 0 m")
+            raise RefusedError("request", f"area.distance_b: a {found['shape']} of 0 m is empty")
         found |= {"distance_b": area.distance_b, "angle": area.angle}
     return found

@@ -1,4 +1,4 @@
-"""Which handler a received message is for: by messageID, and between editions by what decodes."""
+"""Routing of received messages to handlers, by messageID, protocolVersion and trial decoding."""
 
 from collections.abc import Iterable
 from typing import Generic, Protocol, TypeVar
@@ -15,7 +15,7 @@ One = TypeVar("One", bound=HasEdition)
 
 
 class Routing(Generic[One]):
-    """Handlers by messageID; where several have the same, they are tried in the order that they are given in."""
+    """Handlers by messageID. Several handlers with the same messageID are tried in the given order."""
 
     def __init__(self, handlers: Iterable[One]) -> None:
         self._by_id: list[list[One]] = [[] for _ in range(256)]
@@ -24,14 +24,17 @@ class Routing(Generic[One]):
                 self._by_id[number].append(handler)
 
     def find(self, pdu: bytes) -> One | None:
-        """Whose a message of at least 6 octets is; None where nobody has its messageID."""
+        """Return the handler of a message; None if none has its messageID. pdu: at least 6 octets."""
         return self.find_edition(pdu)[0]
 
     def find_edition(self, pdu: bytes) -> tuple[One | None, Edition | None]:
-        """Return whose a message is, and its interpretation there (Edition.of) where that had to be found.
+        """Return the handler of a message, and the form of its edition (Edition.of) if that was determined.
 
-        Of several editions those that announce its protocolVersion; of these the first that gives the same octets back
-        and knows every part, else one that gives them back, else one that decodes; else the first, which says why.
+        Handlers whose edition has the message's protocolVersion come first. Of these, the order of preference is:
+        1. re-encoding gives the same octets, and every part is known;
+        2. re-encoding gives the same octets;
+        3. it decodes;
+        4. the first, which then reports the error.
         """
         candidates = self._by_id[pdu[1]]
         if len(candidates) < 2:

@@ -1,4 +1,4 @@
-"""Services: a ROS message or JSON to the octets of the air, and back."""
+"""Services that convert a ROS message or JSON to a PDU, and back."""
 
 from collections.abc import Iterable, Mapping
 from types import ModuleType
@@ -12,9 +12,9 @@ from .routing import HasEdition, Routing
 
 
 class Services:
-    """encode() and decode() as rclpy calls services. Every edition that the library has, not only those of topics.
+    """Callbacks of the services `encode` and `decode`, for every edition of the library, also those without topics.
 
-    editions  those that have topics, by the name of their handler.
+    editions  objects with an edition, by the name of their handler: those with topics.
     """
 
     def __init__(self, library: ModuleType, profile: str, editions: Mapping[str, HasEdition]) -> None:
@@ -24,7 +24,7 @@ class Services:
         self._routing = Routing(editions.values())
 
     def encode(self, request: Any, response: Any) -> Any:
-        """Fills captain_gateway_msgs/srv/Encode."""
+        """Fill a response of captain_gateway_msgs/srv/Encode."""
         try:
             edition = self.edition(request.type)
             pdu = edition.message.from_json(request.json) if request.json else edition.from_cdr(bytes(request.cdr))
@@ -37,7 +37,7 @@ class Services:
         return response
 
     def decode(self, request: Any, response: Any) -> Any:
-        """Fills captain_gateway_msgs/srv/Decode."""
+        """Fill a response of captain_gateway_msgs/srv/Decode."""
         pdu = bytes(request.pdu)
         try:
             edition = self.edition(request.type) if request.type else self._by_header(pdu)
@@ -57,7 +57,10 @@ class Services:
         return response
 
     def edition(self, name: str) -> Edition:
-        """By the name of a handler, an edition or a ROS type. Raises GatewayError."""
+        """Return the edition with the name of a handler, an edition or a ROS type.
+
+        Raises GatewayError for an unknown name.
+        """
         found = self._editions.get(name)
         if found is not None:
             return found.edition
@@ -71,7 +74,7 @@ class Services:
 
     def _by_header(self, pdu: bytes) -> Edition:
         if len(pdu) < ITS_HEADER:
-            raise GatewayError(f"{len(pdu)} octets are no message: its header alone has {ITS_HEADER}")
+            raise GatewayError(f"{len(pdu)} octets are too short; the header alone has {ITS_HEADER}")
         found = self._routing.find(pdu)
         if found is not None and pdu[0] in found.edition.message.versions:
             return found.edition
@@ -90,4 +93,4 @@ class Services:
                     self._library, message.name, self._profile, KINDS.get(message.type) or Kind(message.type, ())
                 )
             except GatewayError:
-                continue  # one that this profile cannot say
+                continue  # this profile has no ROS type for it

@@ -1,4 +1,4 @@
-"""What can be chosen: every parameter with its default, what it means, and how its value is read."""
+"""Parameters of the gateway: defaults, descriptions and parsers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ FASTEST_HZ = 1000.0
 
 
 class Option(NamedTuple):
-    """A parameter. is_fixed: read at the start, and never changed."""
+    """A parameter. is_fixed: it is read at the start and cannot be changed later."""
 
     default: object
     meaning: str
@@ -42,40 +42,40 @@ PORT, PORT_IN_USE = integer(0, 65535), integer(1, 65535)
 USUAL = [kind.name for kind in KINDS.values() if kind.is_usual]
 
 GATEWAY: dict[str, Option] = {
-    "station.host": Option("127.0.0.1", "where the station is: a name or an address", host, True),
-    "station.to_users": Option(5556, "its port that messages come from", PORT_IN_USE, True),
-    "station.pull": Option(5557, "its port that takes messages without loss; 0: it has none", PORT, True),
-    "station.from_users": Option(5555, "its port that takes messages where there is no pull", PORT_IN_USE, True),
-    "station.report": Option(5558, "its port that tells of itself, interfaces and confirms; 0: it has none", PORT, True),
-    "profile": Option("etsi_its", f"whose message packages: {' or '.join(PROFILES)}", choice(*PROFILES), True),
-    "lists": Option(False, "with v2x_msgs: whether topics carry lists of one message, CAMList, as those of v2x_gw", boolean, True),
-    "handlers": Option(USUAL, "types that have topics; those whose package is not installed are left out", kinds, True),
-    "topics.received": Option("{type}/received", "what has been received", template, True),
-    "topics.transmitted": Option("{type}/transmitted", "what is to be sent", template, True),
-    "topics.metadata": Option("{type}/received/metadata", "what is known of each received", template, True),
+    "station.host": Option("127.0.0.1", "host of the station: a name or an address", host, True),
+    "station.to_users": Option(5556, "port of received messages", PORT_IN_USE, True),
+    "station.pull": Option(5557, "port that takes messages without loss; 0: not available", PORT, True),
+    "station.from_users": Option(5555, "port that takes messages if station.pull is 0", PORT_IN_USE, True),
+    "station.report": Option(5558, "port of reports, indications and confirms; 0: not available", PORT, True),
+    "profile": Option("etsi_its", f"message packages: {' or '.join(PROFILES)}", choice(*PROFILES), True),
+    "lists": Option(False, "with v2x_msgs: topics carry lists of one message (CAMList), like those of v2x_gw", boolean, True),
+    "handlers": Option(USUAL, "types that have topics; types without an installed package are left out", kinds, True),
+    "topics.received": Option("{type}/received", "topic of received messages", template, True),
+    "topics.transmitted": Option("{type}/transmitted", "topic of messages to send", template, True),
+    "topics.metadata": Option("{type}/received/metadata", "topic of the metadata of received messages", template, True),
     "frames.map": Option("map", "frame of own pose and transform", text, True),
     "frames.station": Option("captain", "frame of the station", text, True),
     "own.origin": Option([], "[latitude, longitude, altitude_m] of the map's origin; empty: the first own position", place, True),
-    "own.transform": Option(True, "whether own position is a transform on /tf as well", boolean, True),
-    "confirms": Option(True, "whether the station is asked what becomes of each message", boolean, True),
-    "station_id": Option(0, "put into the header of every message that is sent; 0: they keep theirs", integer(0, 0xFFFFFFFF)),
-    "log.throttle_s": Option(1.0, "the same complaint is logged once in so many seconds", number(0.0, 3600.0)),
+    "own.transform": Option(True, "publish own position as a transform on /tf, too", boolean, True),
+    "confirms": Option(True, "request confirms of each sent message", boolean, True),
+    "station_id": Option(0, "stationID of sent messages; 0: theirs stays", integer(0, 0xFFFFFFFF)),
+    "log.throttle_s": Option(1.0, "seconds between two log lines of the same complaint", number(0.0, 3600.0)),
 }  # fmt: skip
 
 HANDLER: dict[str, Option] = {
-    "edition": Option("", "of the standard, as `cam-1.4.1`; empty: the default", text, True),
-    "topic": Option("", "what stands for {type} in topics; empty: the name of the handler", text, True),
-    "receive.active": Option(True, "whether received ones are published", boolean),
-    "receive.stations": Option([], "of these stationIDs alone; empty: of all", stations),
-    "receive.not_stations": Option([], "not of these stationIDs", stations),
+    "edition": Option("", "edition of the standard, such as `cam-1.4.1`; empty: the default", text, True),
+    "topic": Option("", "replacement of {type} in topics; empty: the name of the handler", text, True),
+    "receive.active": Option(True, "publish received messages", boolean),
+    "receive.stations": Option([], "publish only these stationIDs; empty: all", stations),
+    "receive.not_stations": Option([], "do not publish these stationIDs", stations),
     "receive.area": Option([], "[radius_m] around own position or [latitude, longitude, radius_m]; empty: anywhere", circle),
-    "receive.max_age_s": Option(0.0, "older ones, by the time in them, are left out; 0: none are", number(0.0, 86400.0)),
-    "transmit.active": Option(True, "whether published ones are sent", boolean),
-    "transmit.rate_hz": Option(0.0, "0: at once; else so many sendings a second", number(0.0, FASTEST_HZ)),
-    "transmit.buffer": Option("latest", "with a rate, what waits: the latest of each thing, or all", choice("latest", "all")),
-    "transmit.depth": Option(10, "how many may wait; the oldest goes", integer(1, 10_000)),
-    "transmit.repeat_s": Option(0.0, "with a rate and `latest`: sent again for so long, until there is a newer one", number(0.0, 86400.0)),
-    "transmit.interfaces": Option([], "of the station; empty: by its policy", texts),
+    "receive.max_age_s": Option(0.0, "do not publish older messages, by the time in them; 0: publish all", number(0.0, 86400.0)),
+    "transmit.active": Option(True, "send published messages", boolean),
+    "transmit.rate_hz": Option(0.0, "messages sent per second; 0: at once", number(0.0, FASTEST_HZ)),
+    "transmit.buffer": Option("latest", "with a rate: keep the latest message of each station, event or sign, or all", choice("latest", "all")),
+    "transmit.depth": Option(10, "length of the queue; the oldest is dropped", integer(1, 10_000)),
+    "transmit.repeat_s": Option(0.0, "with a rate and `latest`: repeat a message for this time, until a newer one comes", number(0.0, 86400.0)),
+    "transmit.interfaces": Option([], "interfaces of the station; empty: by its policy", texts),
     "transmit.btp_port": Option(0, "0: that of the type", PORT),
     "transmit.traffic_class": Option(-1, "-1: by the station's policy", integer(-1, 255)),
     "transmit.priority": Option(-1, "0 first, 7 last; -1: by the station's policy", integer(-1, 7)),
@@ -114,7 +114,7 @@ class Transmit:
     area: dict[str, object] | None
 
     def options(self) -> dict[str, object]:
-        """What they ask of the station for each message: keys of its options."""
+        """Return the request options for the station, as set by the parameters."""
         asked: dict[str, object] = {}
         if self.interfaces:
             asked["interfaces"] = list(self.interfaces)
@@ -134,12 +134,15 @@ class Transmit:
 
 
 def receive(values: Mapping[str, object]) -> Receive:
-    """Of the values of HANDLER by name; all have been checked."""
+    """Return the settings receive.* of a handler. values: of all parameters of HANDLER, by name; they must be valid."""
     return Receive(**_read("receive.", values))
 
 
 def transmit(values: Mapping[str, object]) -> Transmit:
-    """Of the values of HANDLER by name; all have been checked."""
+    """Return the settings transmit.* of a handler.
+
+    values: of all parameters of HANDLER, by name; they must be valid.
+    """
     return Transmit(**_read("transmit.", values))
 
 

@@ -1,4 +1,4 @@
-"""Timers of a node that no clock of a simulation or of a recording stops."""
+"""Timers of a node that run in real time, whatever ROS's simulated clock does."""
 
 from collections.abc import Callable
 from typing import Any
@@ -7,5 +7,5 @@ from rclpy.clock import Clock, ClockType
 
 
 def every(node: Any, period_s: float, call: Callable[[], None]) -> Any:
-    """A timer by the machine's own steady clock, whatever use_sim_time says: a station is real, and so is its air."""
+    """Create a timer of the machine's steady clock, even with use_sim_time: a station works in real time."""
     return node.create_timer(period_s, call, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -1,16 +1,16 @@
-"""JSON that a station says, read so that nothing in it ends the node: a table, and numbers in it."""
+"""JSON reports of a station: parses them; invalid ones cannot stop the node."""
 
 import json
 from typing import Any
 
 
 def table(octets: bytes) -> dict[str, Any] | None:
-    """A JSON object of which every text can be said in ROS; None for rubbish."""
+    """Parse a JSON object whose strings are valid in ROS; None for anything else."""
     try:
-        # json.loads() of octets guesses the encoding, and lets halves of surrogate pairs through.
+        # json.loads() of octets guesses the encoding, and accepts unpaired surrogates.
         words = octets.decode()
         told = json.loads(words)
-        if "\\ud" in words.lower():  # half of a surrogate pair is no text
+        if "\\ud" in words.lower():  # encoding fails for an unpaired surrogate
             json.dumps(told, ensure_ascii=False).encode()
     except (ValueError, RecursionError):
         return None
@@ -18,8 +18,8 @@ def table(octets: bytes) -> dict[str, Any] | None:
 
 
 def number(told: dict[str, Any], name: str, low: float, high: float) -> float | None:
-    """Of a table; None where it is no number between these."""
-    # Compared before it is made a float: a whole number of JSON may have four hundred digits.
+    """Return the number in a member of an object; None if it is missing, not a number, or out of range."""
+    # Compare before the conversion: a JSON integer of four hundred digits does not fit a float.
     value = told.get(name)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
         return None

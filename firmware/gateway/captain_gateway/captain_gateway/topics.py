@@ -1,4 +1,4 @@
-"""Topics of the node: how they are called, and their quality of service."""
+"""Topics of the node: their names and quality of service."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -10,12 +10,15 @@ from .errors import GatewayError
 from .refusals import in_words
 
 WAYS = ("received", "transmitted", "metadata")
-# Of every topic: reliable, and the last 100 kept for a node that is late; ten seconds of a station's messages.
+# Queue length of every topic, for a node that reads late: ten seconds of one station's messages.
 DEPTH = 100
 
 
 class Topics:
-    """Publishers and subscriptions of a node, which users may override. templates: of the names of each way."""
+    """Publishers and subscriptions of a node. Users may override their quality of service.
+
+    templates  names of topics with {type}, by way: received, transmitted, metadata.
+    """
 
     def __init__(self, node: Any, templates: Mapping[str, str]) -> None:
         self._node = node
@@ -23,9 +26,9 @@ class Topics:
         self._named: dict[str, str] = {}
 
     def name(self, way: str, handler: str, word: str) -> str:
-        """Of a handler's topic; word: what stands for {type}.
+        """Return the name of a handler's topic. word: replaces {type}.
 
-        Raises GatewayError where two have one name, by remapping as well: what is received would be sent again.
+        Raises GatewayError if another topic has the name, also by remapping: received messages would be sent again.
         """
         topic = self._templates[way].replace("{type}", word)
         what = f"{handler}: topics.{way}"
@@ -33,16 +36,16 @@ class Topics:
             full_name = self._node.resolve_topic_name(topic)
         other = self._named.setdefault(full_name, what)
         if other != what:
-            raise GatewayError(f"{other} and {what} are one topic, {full_name}: nobody could tell one from the other")
+            raise GatewayError(f"{other} and {what} are one topic, {full_name}: choose different names")
         return topic
 
     def publisher(self, type_: Any, topic: str) -> Any:
-        """Raises GatewayError."""
+        """Create a publisher. Raises GatewayError if rclpy refuses it."""
         with in_words(topic):
             return self._node.create_publisher(type_, topic, _qos(), qos_overriding_options=_overridable())
 
     def subscription(self, type_: Any, topic: str, call: Callable[[Any], None], is_raw: bool = False) -> Any:
-        """Raises GatewayError."""
+        """Create a subscription. Raises GatewayError if rclpy refuses it."""
         with in_words(topic):
             return self._node.create_subscription(
                 type_, topic, call, _qos(), raw=is_raw, qos_overriding_options=_overridable()

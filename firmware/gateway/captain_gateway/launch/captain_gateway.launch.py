@@ -1,4 +1,7 @@
-"""Starts the gateway with a parameter file. Not run by any test: no package index has launch."""
+"""Launch file: starts the gateway with a parameter file.
+
+No test runs it, because no package index has the package launch.
+"""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument

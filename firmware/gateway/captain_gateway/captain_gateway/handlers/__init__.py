@@ -1,4 +1,7 @@
-"""The handlers, by name: a new one is a file beside this one and a line here."""
+"""Registry of handlers by name.
+
+A new handler needs a file in this folder and an entry here.
+"""
 
 from .cam import CAM, CAM_TS, CAM_V1
 from .charging import EV_RSR, EVCSN, TISTPG

@@ -10,5 +10,5 @@ CAM = Kind(
     clock="delta",
 )
 CAM_TS = CAM._replace(name="cam_ts", editions=("cam-2.1.1", "cam-2.3.1", "cam-1.4.1"), is_usual=False)
-# protocolVersion 1: CurvatureValue has another unit and more bits.
+# V1.3.2 has protocolVersion 1. Its CurvatureValue has another unit and more bits than in later editions.
 CAM_V1 = CAM._replace(name="cam_v1", editions=("cam-1.3.2", "cam-1.4.1", "cam-2.3.1", "cam-2.1.1"), is_usual=False)

@@ -8,7 +8,7 @@ DENM = Kind(
     position=(place("denm.management.eventPosition"),),
     generated=("denm.management.referenceTime",),
     clock="its",
-    # Two spellings of one field: originatingStationID until TS 103 831, originatingStationId since.
+    # The standards spell one field in two ways: originatingStationID until TS 103 831, originatingStationId since.
     key=(
         "denm.management.actionID.originatingStationID",
         "denm.management.actionId.originatingStationId",

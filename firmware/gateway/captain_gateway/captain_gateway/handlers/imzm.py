@@ -1,4 +1,4 @@
-"""Zones in which a station's radio is to be quiet: TS 103 724."""
+"""Interference management zones, in which a station's radio must be quiet: TS 103 724."""
 
 from .kind import Kind
 

@@ -1,4 +1,4 @@
-"""Signs and what they mean for a stretch of road: TS 103 301."""
+"""Road signs and the stretch of road where they apply (IVIM): TS 103 301."""
 
 from .kind import Kind, place
 

@@ -1,4 +1,4 @@
-"""What a handler is made of: one object for each type of message, in a file of its own."""
+"""Description of a handler: each message type has one in its own file."""
 
 from typing import Literal, NamedTuple
 
@@ -6,17 +6,17 @@ Clock = Literal["delta", "its", "none"]
 
 
 class Kind(NamedTuple):
-    """A type of message as ROS topics know it. Paths are those of a reader of the message library.
+    """A message type with its ROS topics. Paths are those of a reader of the message library.
 
-    name       of the handler, of its topics and of its parameters.
-    editions   that it may speak, the default first: names of the message library.
-    position   pairs of paths: latitude, longitude in 1e-7 degree; the first pair that the edition has is read.
-    generated  paths of the time of the message; likewise.
-    clock      how that time counts: `delta` is milliseconds of ITS time modulo 65536 (GenerationDeltaTime), `its` is
-               all of them (TimestampIts).
-    key        paths of what makes two messages one and the same thing, of which the newer replaces the older: an event,
-               an intersection; without, it is whose message it is.
-    is_usual   whether it is there unless the parameter `handlers` says otherwise.
+    name       name of the handler, used in topics and parameters.
+    editions   editions of the message library that it supports; the first is the default.
+    position   pairs of paths (latitude, longitude; 1e-7 degree). The first pair that the edition has is read.
+    generated  paths of the message's time. The first that the edition has is read.
+    clock      format of that time: `delta` is milliseconds of ITS time modulo 65536 (GenerationDeltaTime), `its` is
+               milliseconds of ITS time (TimestampIts).
+    key        paths of the identifier of an event, intersection or sign. A newer message of a station with the same
+               identifier replaces the older. Empty: any newer message of the station does.
+    is_usual   True if the parameter `handlers` contains it by default.
     """
 
     name: str
@@ -29,5 +29,5 @@ class Kind(NamedTuple):
 
 
 def place(path: str) -> tuple[str, str]:
-    """Both paths of a ReferencePosition."""
+    """Return the paths of latitude and longitude in a ReferencePosition."""
     return f"{path}.latitude", f"{path}.longitude"

@@ -2,8 +2,8 @@
 
 from .kind import Kind, place
 
-# The package that others have, etsi_its_vam_ts_msgs, is that of 2.1.1; 2.3.1 has the same octets where both have
-# a field.
+# The default is 2.1.1, because the common package etsi_its_vam_ts_msgs is of that edition. 2.3.1 encodes the fields
+# that both have to the same octets.
 VAM = Kind(
     name="vam",
     editions=("vam-2.1.1", "vam-2.3.1", "vam-1"),

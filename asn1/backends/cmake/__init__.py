@@ -1,0 +1,4 @@
+"""Output format cmake: the C sources as a CMake package.
+
+Face: form.
+"""

@@ -1,0 +1,4 @@
+"""Python module captain_messages: its C sources and its build.
+
+Face: form.
+"""

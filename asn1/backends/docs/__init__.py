@@ -1,0 +1,4 @@
+"""Output format docs: one Markdown page per message.
+
+Face: form, pages, wording.
+"""

@@ -1,0 +1,4 @@
+"""ROS 2 message packages from the schema.
+
+Face: form, options, cdr, plan, profiles.
+"""

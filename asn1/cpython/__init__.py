@@ -1,1 +1,0 @@
-"""The Python module captain_messages: C over the message library's tables, and what builds it."""

@@ -1,0 +1,4 @@
+"""Driver for UDP: bare PDUs, BTP packets or Ethernet frames in datagrams.
+
+Face: driver.
+"""

@@ -1,0 +1,4 @@
+"""AT commands of a modem: port core, lines, forms of answers and their parsers.
+
+Face: port, fields, forms, answers.
+"""

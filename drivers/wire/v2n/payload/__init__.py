@@ -1,0 +1,4 @@
+"""Forms of payloads, with parsers for JSON of peers.
+
+Face: plain, nap, orange.
+"""

@@ -1,0 +1,4 @@
+"""Station's part of the owner's files.
+
+Face: part, given.
+"""

@@ -1,0 +1,5 @@
+"""Display of a station's status by commands.
+
+Face: failures, sparkline, status, table, tally.
+Commands: time.
+"""

@@ -1,0 +1,4 @@
+"""Configuration: reads, checks and reloads captain.toml.
+
+Face: captain_toml, tables, board_file, reload, consistency, reload_child.
+"""

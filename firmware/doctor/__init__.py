@@ -1,0 +1,4 @@
+"""Checks of a station's requirements, one module per subject, each with remedies.
+
+Commands: doctor.
+"""

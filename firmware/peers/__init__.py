@@ -1,1 +1,0 @@
-"""Peers of the endpoint: their connections, and limits for hostile ones. Face: connection, door, interest, limits."""

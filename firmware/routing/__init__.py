@@ -1,0 +1,4 @@
+"""Routing of messages: interfaces, stages, policy, queues and counters.
+
+Face: router, interface, policy, duplicates, drops, options.
+"""

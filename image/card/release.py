@@ -1,0 +1,29 @@
+"""Files of a release: programs, Debian packages, compressed card, and checksums."""
+
+import shutil
+from pathlib import Path
+
+from image.card import build
+from image.program import programs
+from image.program.programs import Artefact
+from image.step import key
+from image.tool import run
+
+
+def make(made: build.Build, card: build.CardBuild, to: Path) -> list[Artefact]:
+    """Make all files of a release in a folder of their own. Raises ImageError if a step fails."""
+    found = programs.make(made.description, made.steps.folder, to)
+    parts = (_packed(made, card), card.bundle, card.packages, card.licences)
+    artefacts = sorted([*found, *(Artefact(Path(shutil.copy(path, to))) for path in parts)])
+    programs.write_sums(artefacts, to)
+    return artefacts
+
+
+def _packed(made: build.Build, card: build.CardBuild) -> Path:
+    """Compress the card to .xz, which Raspberry Pi Imager reads; fixed blocks give equal octets with any threads."""
+    name = f"{card.image.name}.xz"
+
+    def pack(folder: Path) -> None:
+        run(["sh", "-c", 'xz -3 -T2 --block-size=16MiB --stdout "$1" >"$2"', "sh", card.image, folder / name])
+
+    return made.steps.made("packed", [key(made.steps.folder / "card")], pack) / name

@@ -1,0 +1,4 @@
+"""A finished card, compared with its description.
+
+Face: card.
+"""

@@ -1,0 +1,4 @@
+"""chronyd interface: configuration, feed and tracking.
+
+Face: configuration, feed, tracking.
+"""

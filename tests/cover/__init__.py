@@ -1,0 +1,1 @@
+"""Coverage of the tests: branches that they take, mistakes that they notice."""

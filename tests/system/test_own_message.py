@@ -1,0 +1,93 @@
+"""User-defined message of the guide: added, used from Python and C, decoded, and sent from one station to another."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from asn1 import cli as program
+from tests.system.conftest import Launcher
+from tests.system.station import PROGRAM, ROOT
+
+PAGE = (ROOT / "asn1/guide/own-messages.md").read_text()
+
+
+def block(fence: str, start: str = "") -> str:
+    """Return the block of the guide with this fence and this start."""
+    (found,) = re.findall(rf"^```{re.escape(fence)}\n({re.escape(start)}.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+    return str(found)
+
+
+def sh(*command: object, **environment: str) -> str:
+    """Return the output of a command that has these variables. Raises AssertionError with the output if it fails."""
+    words = [str(word) for word in command]
+    done = subprocess.run(
+        words, capture_output=True, text=True, check=False, cwd=ROOT, env={**os.environ, **environment}
+    )
+    assert done.returncode == 0, f"{words}\n{done.stdout}{done.stderr}"
+    return done.stdout
+
+
+def octets() -> str:
+    """Encode the guide's JSON by hand: whole octets of the header, then each number from its lower bound (X.691 11.5.6)."""
+    bits = f"{487668000 + 900000000:031b}{114320000 + 1800000000:032b}{4095:012b}{4095:012b}{3601:012b}"
+    bits += f"{800001 + 100000:020b}{15:04b}{5:08b}" + "".join(f"{octet:08b}" for octet in b"hello") + f"{80:07b}"
+    bits += "0" * (-len(bits) % 8)
+    return "02" + "c8" + f"{900001:08x}" + int(bits, 2).to_bytes(len(bits) // 8, "big").hex()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the guide's files: schema in own/, C in sources/, Python module in python/."""
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "hello.asn").write_text(block("asn1"))
+    (folder / "hello.json").write_text(block("json"))
+    (folder / "hello.py").write_text(block("python complete"))
+    _, command, file, *options = block("sh add").split()
+    assert program.main([command, str(folder / file), *options, "--to", str(folder / "own")]) == 0
+    for form in ("sources", "python"):
+        generate = ["generate", "hello", "--with", folder / "own", "--format", form, "--to", folder / form]
+        sh(sys.executable, "-m", "asn1", *generate, CFLAGS="-O0")
+    return folder
+
+
+def test_own_message_of_the_guide_is_encoded_and_decoded_from_python(folder: Path) -> None:
+    code = "import captain_messages as m, sys; print(m.find('hello').to_json(bytes.fromhex(sys.argv[1])))"
+    said = sh(sys.executable, "-c", code, octets(), PYTHONPATH=str(folder / "python"))
+    assert json.loads(said) == json.loads(block("json"))["message"]
+
+
+def test_own_message_of_the_guide_is_decoded_from_c(folder: Path) -> None:
+    sources = folder / "sources"
+    example = ROOT / "asn1" / "backends" / "cmake" / "template" / "example" / "tree.c"
+    files = [example, *(sources / "src").glob("*.c")]
+    sh("gcc", "-std=c11", "-O0", f"-I{sources / 'include'}", *files, "-o", folder / "tree")
+    assert "battery: 80" in sh(folder / "tree", "hello", octets())
+
+
+def test_own_message_of_the_guide_is_encoded_and_decoded_on_the_command_line(folder: Path) -> None:
+    library = str(folder / "python")
+    assert sh(*PROGRAM, "encode", folder / "hello.json", PYTHONPATH=library) == f"{octets()}\n"
+    assert f"captain decode {octets()}\n" in PAGE
+    said = sh(*PROGRAM, "decode", octets(), PYTHONPATH=library)
+    assert said.startswith("hello: ")
+    assert "battery: 80" in said
+
+
+def test_own_message_of_the_guide_sent_at_one_station_arrives_at_the_other(folder: Path, launch: Launcher) -> None:
+    a, b = launch.station(), launch.station()
+    at_a, at_b = (f"127.0.0.1:{launch.port()}" for _ in "ab")
+    for station, name, listen, peer in ((b, "b", at_b, at_a), (a, "a", at_a, at_b)):
+        types = block("toml", f"# {name}.toml").partition("[[types]]")
+        air = {"driver": "udp", "framing": "ethernet", "listen": listen, "peers": [peer]}
+        station.configure({"air": air}, "".join(types[1:]))
+        station.start()
+    user = launch.user(b)
+    assert user.sub.recv_multipart()[0] == b"hb.counter"  # a heartbeat shows that the subscription has arrived
+    sh(sys.executable, folder / "hello.py", a.address("pull"), PYTHONPATH=str(folder / "python"))
+    received = user.receive()
+    assert (received.envelope, received.pdu.hex()) == (b"v2x.hello.", octets())
