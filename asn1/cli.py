@@ -10,6 +10,7 @@ from asn1.backends.registry import BACKENDS
 from asn1.backends.ros2.options import DISTROS, PROFILES
 from asn1.importer.parser.fault import ImportFault, MissingError
 from asn1.model import selection
+from asn1.usage import Parser
 
 PROGRAM = "captain-asn1"
 FAILED, USAGE = 1, 2
@@ -57,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line. The menu builds the same arguments."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=PROGRAM,
         description="Generates code from the ASN.1 of the ITS messages. Without arguments on a terminal: a menu.",
     )
@@ -72,10 +73,11 @@ def arguments() -> argparse.ArgumentParser:
     one.add_argument("messages", nargs="*", metavar="MESSAGE", help="cam-1.4.1, cam (its preferred edition), 'cam-*'")
     one.add_argument("--standard", action="store_true", help="every message but the experimental ones")
     one.add_argument("--all", action="store_true", help="every message")
-    # argparse accepts the former name --form as an abbreviation.
     one.add_argument(
         "--format", dest="form", choices=BACKENDS, default="cmake", help="format of the output (default: %(default)s)"
     )
+    # Its former name.
+    one.add_argument("--form", choices=BACKENDS, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     one.add_argument(
         "--to", type=Path, required=True, metavar="DIR", help="folder: new, empty, or written by this program"
     )

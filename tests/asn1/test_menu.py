@@ -177,4 +177,7 @@ def test_a_wrong_answer_is_explained_and_the_menu_goes_on(
 ):
     started, _ = run(monkeypatch, "2", "3", "--no-such-flag", "2", "", "out", "1")
     assert started == [["list"]]
-    assert "unrecognized arguments: --no-such-flag" in capsys.readouterr().err
+    assert (
+        "captain-asn1 generate: error: unknown option: --no-such-flag; see captain-asn1 generate --help"
+        in capsys.readouterr().err
+    )
