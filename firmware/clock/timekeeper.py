@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from pps.pulse import Above, Clocks, Pulses
 
 PERIOD_S = 1.0
+# Satellites repeat the number of leap seconds every 12.5 minutes (IS-GPS-200). Until then, no warning is needed.
+LEAPS_S = 900.0
 FRESH_S = 1.5  # age above which a quality is renewed before use: the loop or the machine has paused
 
 # Largest change of the offset in a second that counts as slewing. chronyd slews the system clock by at most 83,333 ppm.
@@ -147,8 +149,7 @@ class Timekeeper:
         options = self._options
         self._own.leaps = leaps = known(options.leap_list, time.time())
         self._doubt = leaps.doubt
-        if leaps.doubt:
-            log.warning("%s", leaps.doubt)
+        self._loop.after(LEAPS_S if self._receiver else 0.0, self._warn_of_leaps)
         if self._receiver:
             self._pulsed = self._made(self._receiver)
             self._own.estimator = self._pulsed
@@ -174,6 +175,11 @@ class Timekeeper:
         latency_ns = pulse.latency_ns if pulse else 0
         chrony = self._options.chrony
         return PulsedTime(self._loop, receiver, made if pulse else None, latency_ns, chrony, self._own, clocks)
+
+    def _warn_of_leaps(self) -> None:
+        """Log that the leap-second table may be wrong, unless the receiver has replaced it."""
+        if self._is_running and self._doubt and not self._is_leap_settled():
+            log.warning("%s", self._doubt)
 
     def _second(self) -> None:
         if not self._is_running:
@@ -218,14 +224,18 @@ class Timekeeper:
         if leaps is None:
             return None
         event = None if its_ms is None else leaps.next(its_ms * 1_000_000)
-        is_settled = leaps.base is not None and leaps.doubt == self._doubt  # the receiver's table is used
         return {
             "table": leaps.source,
             "expires": leaps.expires,
-            "doubt": "" if is_settled else leaps.doubt,
+            "doubt": "" if self._is_leap_settled() else leaps.doubt,
             "seconds": None if its_ms is None else leaps.leap_seconds(its_ms * 1_000_000),
             "event": event and {**event._asdict(), "utc": leaps.civil(event.its_s * 1_000_000_000)},
         }
+
+    def _is_leap_settled(self) -> bool:
+        """Whether the receiver has confirmed or replaced the leap-second table."""
+        leaps = self._own.leaps
+        return leaps is not None and leaps.base is not None and leaps.doubt == self._doubt
 
     def _missing(self) -> str:
         """Return the remedy for a more accurate time; empty with a pulse input, whose status has its own remedy."""

@@ -18,6 +18,7 @@ import pytest
 from board.time.scales import EPOCH, GPS_LEAD, GPS_LEAPS, Lock
 from drivers.wire.gnss.time import Leap
 from firmware.client.show import time_record
+from firmware.clock import timekeeper
 from firmware.config.tables import TimeOptions
 from firmware.station import carrier
 from tests.board.time.test_leap_list import listed
@@ -252,11 +253,24 @@ def test_a_wrong_count_of_leap_seconds_that_pulses_do_not_confirm_changes_nothin
     assert (status["state"], status["leap"]["seconds"]) == ("holdover", 5)
 
 
-def test_leap_seconds_that_expired_are_logged_once_whatever_a_receiver_says_then(
+def test_leap_seconds_that_expired_are_not_logged_if_the_receiver_names_them(
     make: Make, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / "leap-seconds.list"
     path.write_text(listed())
+    bench = make(TimeOptions(leap_list=str(path)))
+    bench.until("locked")
+    bench.loop.run_for(5)
+    bench.keeper._warn_of_leaps()
+    assert "leap" not in caplog.text
+
+
+def test_leap_seconds_that_expired_are_logged_once_whatever_a_receiver_says_then(
+    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "leap-seconds.list"
+    path.write_text(listed())
+    monkeypatch.setattr(timekeeper, "LEAPS_S", 0.5)  # before the receiver has seen satellites
     bench = make(TimeOptions(leap_list=str(path)))
     bench.until("locked")
     bench.lose()
