@@ -30,7 +30,7 @@ Starts two stations, A and B, which hear each other by ITS-G5 simulated with
 UDP on the loopback. A hears two simulated neighbours too. At each station a
 user's program sends a CAM ten times a second and a DENM once a second. Two
 tables show what the users of A and of B receive, and what the last message
-says.
+says; a station that was silent for 10 s is not shown.
 
 The first lines name the ports for your own programs. What your program sends
 to A is in the table of B's user, and the reverse. A takes the ports 5555 to
@@ -57,6 +57,7 @@ CAM_S = 0.1  # T_GenCamMin, EN 302 637-2 clause 6.1.3
 REDRAW_S = 0.5
 LATE_S = 2.0  # seconds to wait at the end for the first messages
 PRINT_S = 5.0  # interval of tables without a terminal
+GONE_S = 10.0  # rows of stations that were silent for longer are hidden; a single message is visible for as long
 INTRODUCTION = 6  # lines above the tables, including the empty one
 HEADING = 2  # lines of each table above its rows
 # Board of both stations: that of board/boards/sim.toml, but with free UDP ports and each other as peers.
@@ -222,8 +223,9 @@ def _program() -> str:
 
 
 def view(users: Sequence[User], now: float, height: int, decoder: Decoder | None) -> list[Table]:
-    """Return a table for each user; height: lines for all tables together."""
-    shown = {user.name: sorted(user.tally.rows(), key=_is_of_neighbour) for user in users}
+    """Return a table for each user, without stations that are gone; height: lines for all tables together."""
+    heard = {user.name: [row for row in user.tally.rows() if row.last > now - GONE_S] for user in users}
+    shown = {name: sorted(rows, key=_is_of_neighbour) for name, rows in heard.items()}
     left = height - len(users) * HEADING - (len(users) - 1)
     # The shorter table is sized first, so that the other one gets the lines that it does not need.
     for sharing, name in zip(range(len(users), 0, -1), sorted(shown, key=lambda name: len(shown[name])), strict=True):

@@ -17,7 +17,8 @@ from drivers.message import Position
 from drivers.sim import messages
 from firmware import cli
 from firmware.client import client
-from firmware.client.received import Pairing
+from firmware.client.received import Message, Pairing
+from firmware.client.show.tally import Tally
 from firmware.commands import demo
 from firmware.config.board_file import Board
 from firmware.lab.demo_user import MAC, position_of
@@ -172,6 +173,16 @@ def test_the_tables_of_both_users_fit_a_screen_and_rows_of_users_stay():
     assert [cells[:3] for cells in of_b.rows] == [("A's user", "cam", "1234"), ("A's user", "cam", "4201")]
     assert of_a.rows[0][:3] == ("B's user", "cam", "4202")
     assert of_a.rows[-1][2] == "others"
+
+
+def test_row_of_the_demo_after_ten_silent_seconds_is_hidden():
+    tally = Tally()
+    tally.add(Message("cam", messages.cam(1234, 0, Position()), None), 1.0)
+    tally.add(Message("cam", messages.cam(4202, 0, Position()), None), 11.5)
+    user: Any = SimpleNamespace(name="A", tally=tally, pairing=Pairing())
+    seen = [[cells[2] for cells in demo.view([user], now, 17, None)[0].rows] for now in (10.9, 12.0)]
+    assert seen == [["1234", "4202"], ["4202"]]
+    assert demo.view([user], 12.0, 17, None)[0].title == "received by A's user: 2 messages"
 
 
 def test_a_vehicle_of_the_demo_drives_as_fast_as_its_cam_says():
