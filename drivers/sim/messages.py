@@ -1,24 +1,30 @@
-"""Messages of simulated stations: recorded examples, with a few fields replaced.
+"""Messages of simulated stations: recorded examples, with the fields of their state replaced.
 
 No codec is needed: in UPER, a field keeps its bit position as long as the fields before it keep their size.
 """
 
-from drivers.message import Position
+from collections.abc import Sequence
+from itertools import pairwise
+from math import degrees
 
-# CAM of EN 302 637-2 V1.4.1, 46 octets: the example of the public asn1tools package.
-_CAM = bytes.fromhex("02029b260aa393e6005a6f0da4ae7bfb35a238230a6a3d4290581a90a3f67e02e6928b37fee9fea6103fdf93d980")
+from drivers.sim.track import Motion
 
-# DENM of EN 302 637-3 V1.3.1, 404 octets: roadworks with a trace of 40 points; the example of C-ITS-Parser.
+# CAM of EN 302 637-2 V1.4.1, 46 octets: the example of the public asn1tools package. Confidences are those of a good
+# receiver; acceleration and steering wheel angle were removed.
+_CAM = bytes.fromhex("02029b260aa393e6005a6f0da4ae7bfb35a238230a6a455610581a9123f60902e692800bff01fff8807fff940040")
+
+# DENM of EN 302 637-3 V1.3.1, 402 octets: roadworks with a trace of 40 points; the example of C-ITS-Parser. The points
+# of the trace were changed: one second apart, without altitude.
 _DENM = bytes.fromhex(
-    "0201e0fd1d37e7465aa8bc8006910d64c90404435932459d59019207135f2142be2be000186a09880050144018030014fb84"
-    "3f0a2fdd6bfb00c50a06022d297ff59fffe606805f9c00ff000d3124049be0064802ad89201387001bc0394c328112f801a5"
-    "fed56144095fc00d2ffc93110015de00577f46580602c86ffd1bfccec7d80bb77fd59fcdb70e4289fbff7b008f33cc0577e0"
-    "0418010d86f0176f0019bfeeeca803a337fc66041e656810fdc002f0021317406d5e004a7ff1d8bf015170037bf862cdf013"
-    "d78007a002164a001fdbffd2fff8b2aa0270dffb9800b58e700f9effb33fffec4b813d77ff2dffb362e80af9c000900c1b12"
-    "40784dff12808119f003816ff7f401ccc828423f7ffadfffe602c0531c0278ff0ab1100671dffce7ff999fa01daefff44017"
-    "2cc880c7f8001a00ee63d80d0abffe0ffdcaec2093d5ff4b7fffd8970d1ab00533fd64c9b80c1d80145fe3b64640545c023c"
-    "ff922fee0883e0081801458e2013870052c06acb72015df800a1fff763880671c01d7015d31920577dfff58060d7c0010642"
-    "0480600c"
+    "0201e0fd1d37e7465aa8bc8006910d64c90404435932459d59019207135f2142be2be00022ab098800501440180300002400"
+    "048a2fdd6bfb018e7000c77ff59fffec7380063c00ff000d639c0031e0064802af1ce0018f001bc03958e7000c7801a5fed5"
+    "c7380063c00d2ffc9639c0031e00577f4671ce0018effd1bfccf8e7000c77fd59fcdbc7380063bff7b008f639c0031e00418"
+    "010f1ce0018f0019bfeef8e7000c77fc66041ec7380063c002f0021639c0031e004a7ff1f1ce0018f0037bf8638e7000c780"
+    "07a0021c7380063bffd2fff8e39c0031dffb9800b71ce0018effb33ffff8e7000c77ff2dffb3c7380063c000900c1e39c003"
+    "1dff12808131ce0018eff7f401cd8e7000c77ffadfffec7380063c0278ff0ae39c0031dffce7ff9b1ce0018efff4401738e7"
+    "000c78001a00eec7380063bffe0ffdce39c0031dff4b7ffff1ce0018f00533fd658e7000c780145fe3bc7380063c023cff92"
+    "639c0031e0081801471ce0018f0052c06ad8e7000c7800a1fff7c7380063c01d7015d639c0031dfff58060f1ce0018c20480"
+    "600c"
 )
 
 # Fields by their first bit and width. Both messages begin with ItsPduHeader: 8 bits protocolVersion, 8 messageID,
@@ -28,6 +34,13 @@ _STATION = (16, 32)
 _CAM_TIME = (48, 16)
 _CAM_LATITUDE = (76, 31)
 _CAM_LONGITUDE = (107, 32)
+_CAM_ALTITUDE = (175, 20)
+# The basicVehicleContainerHighFrequency. Each value is followed by its confidence.
+_CAM_HEADING = (208, 12)
+_CAM_SPEED = (227, 14)
+_CAM_CURVATURE = (285, 11)
+_CAM_YAW_RATE = (302, 16)
+_CAM_LATERAL = (346, 9)
 # DENM: 3 presence bits; extension bit, 5 presence bits; actionID, detectionTime, referenceTime, eventPosition
 # (termination is absent).
 _DENM_STATION = (57, 32)
@@ -36,24 +49,50 @@ _DENM_DETECTION = (105, 42)
 _DENM_REFERENCE = (147, 42)
 _DENM_LATITUDE = (189, 31)
 _DENM_LONGITUDE = (220, 32)
+_DENM_ALTITUDE = (288, 20)
+# The location container, with one trace.
+_DENM_HEADING = (390, 12)
+_DENM_TRACE = 418  # first bit of the trace
+_POINT = 69  # bits of a point: presence bit, deltaLatitude, deltaLongitude, deltaAltitude, pathDeltaTime
+TRACE = 40  # points of the trace, one for each second before the event
+
+_MOST_DELTA = 131_071  # largest DeltaLatitude and DeltaLongitude, 1e-7 degree; the next value is "unavailable"
 
 
-def cam(station_id: int, its_ms: int, position: Position) -> bytes:
-    """Return a CAM of a passenger car at a position and an ITS time in ms."""
+def cam(station_id: int, its_ms: int, motion: Motion) -> bytes:
+    """Return a CAM of a passenger car with a motion at an ITS time in ms."""
+    speed, curvature = motion.speed_mm_s / 1000, motion.curvature
     return _patched(
         _CAM,
         (_STATION, station_id),
         (_CAM_TIME, its_ms % 65536),
-        (_CAM_LATITUDE, position.latitude + 900_000_000),
-        (_CAM_LONGITUDE, position.longitude + 1_800_000_000),
+        (_CAM_LATITUDE, motion.latitude + 900_000_000),
+        (_CAM_LONGITUDE, motion.longitude + 1_800_000_000),
+        (_CAM_ALTITUDE, motion.altitude_mm // 10 + 100_000),
+        (_CAM_HEADING, _heading(motion)),
+        (_CAM_SPEED, min(round(speed * 100), 16_382)),
+        (_CAM_CURVATURE, _within(curvature * 1e4, 1022) + 1023),
+        (_CAM_YAW_RATE, _within(degrees(speed * curvature) * 100, 32_766) + 32_766),
+        (_CAM_LATERAL, _within(speed**2 * curvature * 10, 160) + 160),
     )
 
 
-def denm(station_id: int, its_ms: int, position: Position, sequence: int) -> bytes:
-    """Return a DENM about roadworks at a position, detected at an ITS time in ms.
+def denm(station_id: int, its_ms: int, path: Sequence[Motion], sequence: int) -> bytes:
+    """Return a DENM about roadworks at the position of the station, detected at an ITS time in ms.
 
+    path      motion of the station at this time, and at each of the TRACE seconds before it.
     sequence  number of the event, counted by the station.
     """
+    here = path[0]
+    deltas = [(one.latitude - last.latitude, one.longitude - last.longitude) for last, one in pairwise(path)]
+    points = [
+        field
+        for number, (north, east) in enumerate(deltas)
+        for field in (
+            ((_DENM_TRACE + number * _POINT + 1, 18), _delta(north)),
+            ((_DENM_TRACE + number * _POINT + 19, 18), _delta(east)),
+        )
+    ]
     return _patched(
         _DENM,
         (_STATION, station_id),
@@ -61,9 +100,24 @@ def denm(station_id: int, its_ms: int, position: Position, sequence: int) -> byt
         (_DENM_SEQUENCE, sequence % 65536),
         (_DENM_DETECTION, its_ms),
         (_DENM_REFERENCE, its_ms),
-        (_DENM_LATITUDE, position.latitude + 900_000_000),
-        (_DENM_LONGITUDE, position.longitude + 1_800_000_000),
+        (_DENM_LATITUDE, here.latitude + 900_000_000),
+        (_DENM_LONGITUDE, here.longitude + 1_800_000_000),
+        (_DENM_ALTITUDE, here.altitude_mm // 10 + 100_000),
+        (_DENM_HEADING, _heading(here)),
+        *points,
     )
+
+
+def _heading(motion: Motion) -> int:
+    return round(motion.heading / 10_000) % 3600
+
+
+def _within(value: float, most: int) -> int:
+    return max(-most, min(round(value), most))
+
+
+def _delta(value: int) -> int:
+    return (value if abs(value) <= _MOST_DELTA else _MOST_DELTA + 1) + _MOST_DELTA
 
 
 def _patched(octets: bytes, *fields: tuple[tuple[int, int], int]) -> bytes:

@@ -14,8 +14,10 @@ from board.runtime.free_udp import free_udp
 from board.runtime.loop import Loop, Timer
 from board.time.scales import nearest_its_time_ms
 from drivers.message import ITS_HEADER, Area, Ego, MessageType, Position, Request, Shape
-from drivers.sim.messages import cam, denm
+from drivers.sim.circle import Circle
+from drivers.sim.messages import TRACE, cam, denm
 from drivers.sim.options import NeighboursOptions
+from drivers.sim.track import Motion, Point
 from drivers.wire import frame
 from drivers.wire.geonet.protocol import GeoNetworking, Heard, Mib, Received
 
@@ -23,8 +25,10 @@ CAM = MessageType("cam", 2, 2001, 0, 0)
 DENM = MessageType("denm", 1, 2002, 0, 0, traffic_class=1)
 
 FIRST_STATION = 4711
-RADIUS = 5000  # metres; radius of the area of a DENM, above the 3.2 km of the widest circle
-METRE = 90  # a metre of latitude, in 1e-7 degree
+PASSENGER_CAR = 5  # StationType of TS 102 894-2, as in the CAM
+LATERAL = 0.5  # m/s^2; a bend of a road at a comfortable speed
+ALTITUDE_M = 420.0
+AREA_M = 5000  # radius of the area of a DENM, above the diameter of the widest circle, 4.4 km
 BATCH = 64  # datagrams received per turn of the loop
 
 
@@ -38,45 +42,44 @@ def with_ports(options: NeighboursOptions) -> NeighboursOptions:
 
 
 class Neighbour:
-    """Simulated station, which drives in a circle of its own and numbers its DENMs."""
+    """Simulated station, which drives in a circle of its own and numbers its DENMs.
+
+    The first station drives at 36 km/h on a radius of 200 m. Each further radius is 10 m longer, and the speed rises
+    so that the lateral acceleration stays at LATERAL: the 200th station drives at 119 km/h.
+    """
 
     def __init__(self, number: int, options: NeighboursOptions) -> None:
         self.station_id = FIRST_STATION + number
         self.mac = bytes.fromhex("02aa0000") + self.station_id.to_bytes(2)
-        self._core = GeoNetworking(self.mac, Mib(beacon_s=0.0))
-        self._number = number
-        self._middle = Position(round(options.latitude * 1e7), round(options.longitude * 1e7))
+        self._core = GeoNetworking(self.mac, Mib(beacon_s=0.0, station_type=PASSENGER_CAR))
+        radius_m = 200.0 + 10 * number
+        centre = Point(options.latitude, options.longitude, ALTITUDE_M)
+        self._path = Circle(centre, radius_m, math.sqrt(LATERAL * radius_m), math.tau * number / 7)
         self._events = 0
 
     def cam(self, now: float, its_ms: int) -> bytes:
         """Return a frame with a CAM."""
-        ego = self._ego(now, its_ms)
-        return self._frame(CAM, cam(self.station_id, its_ms, ego.position), now, ego)
+        motion = self._path.at(now)
+        return self._frame(CAM, cam(self.station_id, its_ms, motion), now, _ego(its_ms, motion))
 
     def denm(self, now: float, its_ms: int) -> bytes:
-        """Return a frame with a DENM about a new event, for all stations around it."""
+        """Return a frame with a DENM about a new event at the own position, for all stations around it."""
         self._events += 1
-        ego = self._ego(now, its_ms)
-        pdu = denm(self.station_id, its_ms, ego.position, self._events)
-        return self._frame(DENM, pdu, now, ego, Area(Shape.CIRCLE, ego.position, RADIUS))
-
-    def _ego(self, now: float, its_ms: int) -> Ego:
-        """Return position and motion: each lap takes 40 s.
-
-        The first station drives a circle of 400 m at 36 km/h; each further station a larger one at a higher speed.
-        """
-        radius = 64 * METRE * (1 + self._number / 4)
-        angle = math.tau * (now / 40 + self._number / 7)
-        east = radius * math.sin(angle) / math.cos(math.radians(self._middle.latitude / 1e7))
-        latitude, longitude = self._middle
-        position = Position(latitude + round(radius * math.cos(angle)), longitude + round(east))
-        heading = round(math.degrees(angle + math.pi / 2) * 10) % 3600
-        return Ego(its_ms, position, is_known=True, speed=round(1000 * (1 + self._number / 4)), heading=heading)
+        path = self._path.before(now, TRACE)
+        ego = _ego(its_ms, path[0])
+        pdu = denm(self.station_id, its_ms, path, self._events)
+        return self._frame(DENM, pdu, now, ego, Area(Shape.CIRCLE, ego.position, AREA_M))
 
     def _frame(self, kind: MessageType, pdu: bytes, now: float, ego: Ego, area: Area | None = None) -> bytes:
         port = kind.btp_port or 0
         request = Request(0, kind, pdu, port, now, now + 60, kind.priority, kind.traffic_class, area)
         return frame.wrap(self.mac, self._core.encode(request, now, ego))
+
+
+def _ego(its_ms: int, motion: Motion) -> Ego:
+    position = Position(motion.latitude, motion.longitude)
+    heading = round(motion.heading / 10_000) % 3600
+    return Ego(its_ms, position, is_known=True, speed=round(motion.speed_mm_s / 10), heading=heading)
 
 
 class Beat:

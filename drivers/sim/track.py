@@ -17,13 +17,17 @@ class Point(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Position and motion of a vehicle: 1e-7 degree, mm, mm/s; heading in 1e-5 degree from north."""
+    """Position and motion of a vehicle: 1e-7 degree, mm, mm/s; heading in 1e-5 degree from north.
+
+    curvature  of the path in 1/m; positive to the left. 0 on a straight line.
+    """
 
     latitude: int
     longitude: int
     altitude_mm: int
     speed_mm_s: int
     heading: int
+    curvature: float = 0.0
 
 
 # Lap around a block in Ingolstadt, 1.1 km.

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from typing import TypeAlias
 
 from board.runtime.errors import RequestError, UsageError
+from drivers.message import Position
 from firmware.client import client
 from firmware.client.arguments import add_station, address
 from firmware.client.keyboard import Keyboard
@@ -64,9 +65,10 @@ JSON, one object per message; with --decode or --fields test `error` first:
 
 JSON of the reception, absent without RawRxMessage:
   received     Unix time in s
-  rssi_dbm     signal strength
+  rssi_dbm     signal strength; null if unknown
   data_rate    in 500 kbit/s
-  latitude, longitude, in degrees; traffic_class, hop_limit, source_mac, security
+  latitude, longitude  of the sender, in degrees; null if unknown
+  traffic_class, hop_limit, source_mac, security
   implausible  list of reasons of the station's mark
 
 JSON with --decode or --fields:
@@ -198,6 +200,7 @@ def described(message: Message) -> dict[str, object]:
     }
     if message.raw is not None:
         rx = message.raw.rx
+        is_placed = rx.position != Position()  # 0, 0 means unknown in RawRxMessage
         found |= {
             "received": message.raw.received_ns // 1000 / 1e6,
             "rssi_dbm": rx.rssi_dbm or None,  # 0 means unknown in RawRxMessage
@@ -206,8 +209,8 @@ def described(message: Message) -> dict[str, object]:
             "hop_limit": rx.hop_limit,
             "source_mac": rx.source_mac.hex(":"),
             "security": rx.security.status.name.lower(),
-            "latitude": rx.position.latitude / 1e7,
-            "longitude": rx.position.longitude / 1e7,
+            "latitude": rx.position.latitude / 1e7 if is_placed else None,
+            "longitude": rx.position.longitude / 1e7 if is_placed else None,
         }
     if message.implausible:
         found["implausible"] = message.implausible

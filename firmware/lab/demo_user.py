@@ -6,8 +6,9 @@ import zmq
 
 from board.runtime.errors import StationError
 from board.time.scales import nearest_its_time_ms
-from drivers.message import Position
 from drivers.sim import messages
+from drivers.sim.circle import Circle
+from drivers.sim.track import Point
 from firmware.client import client
 from firmware.client.received import Pairing
 from firmware.client.show.tally import Tally
@@ -19,11 +20,11 @@ STATION_ID = {"A": 4201, "B": 4202}  # stationIDs in the users' messages
 # Source addresses on the air. They distinguish the messages of a station's users from those of its neighbours.
 MAC = {"A": "02:00:00:00:00:0a", "B": "02:00:00:00:00:0b"}
 SUBJECTS = ("cam", "denm")
-# Start of each user's vehicle. Both drive near each other with the speed and heading in messages.cam, and start again
-# after 40 s.
-START = {"A": Position(487_660_000, 114_310_000), "B": Position(487_650_000, 114_300_000)}
-NORTH, EAST = 1355, 1851  # 1e-7 degree per second: 20.3 m/s at 42 degrees
-AGAIN_S = 40.0
+# Path of each user's vehicle: a circle of 400 m radius at 72 km/h.
+PATH = {
+    "A": Circle(Point(48.7660, 11.4310, 420.0), 400.0, 20.0),
+    "B": Circle(Point(48.7650, 11.4300, 420.0), 400.0, 20.0),
+}
 
 
 class User:
@@ -56,10 +57,11 @@ class User:
     def send(self) -> None:
         """Send a CAM, and a DENM with every tenth one."""
         its_ms = nearest_its_time_ms(time.time())
-        position = position_of(self.name, its_ms)
-        self._publish("cam", messages.cam(self.station_id, its_ms, position))
+        path = PATH[self.name]
+        self._publish("cam", messages.cam(self.station_id, its_ms, path.at(its_ms / 1000)))
         if self._cams % CAMS_PER_DENM == 0:
-            self._publish("denm", messages.denm(self.station_id, its_ms, position, self._cams // CAMS_PER_DENM))
+            before = path.before(its_ms / 1000, messages.TRACE)
+            self._publish("denm", messages.denm(self.station_id, its_ms, before, self._cams // CAMS_PER_DENM))
         self._cams += 1
 
     def receive(self, now: float) -> None:
@@ -77,9 +79,3 @@ class User:
 
     def _publish(self, kind: str, pdu: bytes) -> None:
         self._publisher.send_multipart([f"v2x.{kind}.".encode(), pdu], zmq.DONTWAIT)
-
-
-def position_of(name: str, its_ms: int) -> Position:
-    """Return the position of the vehicle of a station's user; its_ms: ITS time in ms."""
-    start, driven_s = START[name], its_ms / 1000 % AGAIN_S
-    return Position(start.latitude + round(NORTH * driven_s), start.longitude + round(EAST * driven_s))

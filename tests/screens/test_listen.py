@@ -8,6 +8,7 @@ import pytest
 
 from drivers.message import Position, RxInfo
 from drivers.sim import messages
+from drivers.sim.track import Motion
 from drivers.wire import raw
 from firmware.client.received import Message, Pairing
 from firmware.client.show.table import Screen
@@ -31,8 +32,10 @@ class Bench:
         self.live = Live(screen, listening, Decoder(load()) if is_decoded else None, has_keys=True)
 
     def hear(self, kind: str, station: int, pdu: bytes = b"", **more: Any) -> None:
-        make = messages.cam if kind == "cam" else lambda *given: messages.denm(*given, 1)
-        found = pdu or make(station, 1000, Position(487_660_000 + station * 100, 114_310_000))
+        motion = Motion(487_660_000 + station * 100, 114_310_000, 420_000, 20_280, 4_250_000)
+        path = [motion] * (messages.TRACE + 1)
+        made = messages.cam(station, 1000, motion) if kind == "cam" else messages.denm(station, 1000, path, 1)
+        found = pdu or made
         self.live.add(
             Message(kind, found, raw.RawRx(found, 0, RxInfo(rssi_dbm=-70 - station % 20), Position()), **more)
         )
@@ -77,7 +80,7 @@ def test_messages_that_do_not_decode_are_explained_below(
 ) -> None:
     bench = Bench(screen, monkeypatch)
     bench.second({"cam": range(4711, 4713)})
-    bench.hear("cam", 1234, messages.cam(1234, 0, Position())[:30])
+    bench.hear("cam", 1234, messages.cam(1234, 0, Motion(0, 0, 0, 0, 0))[:30])
     compare("listen-bad", shown(bench, terminal))
 
 

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from drivers.message import Position, RxInfo
+from drivers.message import RxInfo
 from drivers.sim import messages
+from drivers.sim.track import Motion
 from drivers.wire import raw
 from firmware.client import client
 from firmware.client.received import Message, Pairing
@@ -24,11 +25,12 @@ from firmware.tap.display import Display
 from tests.screens.terminal import Terminal, compare
 
 OWN = 1234  # stationID of the reader's program
-PLACE = Position(487_660_000, 114_310_000)
+MOTION = Motion(487_660_000, 114_310_000, 420_000, 20_280, 4_250_000)
+PATH = [MOTION] * (messages.TRACE + 1)
 
 
 def received(kind: str, station: int, mac: str) -> Message:
-    pdu = messages.cam(station, 0, PLACE) if kind == "cam" else messages.denm(station, 0, PLACE, 1)
+    pdu = messages.cam(station, 0, MOTION) if kind == "cam" else messages.denm(station, 0, PATH, 1)
     rx = RxInfo(source_mac=bytes.fromhex(mac.replace(":", "")))
     return Message(kind, pdu, raw.RawRx(pdu, 0, rx, None))
 
@@ -69,8 +71,8 @@ def test_a_tap_shows_each_type_and_station(terminal: Terminal, monkeypatch: pyte
     connection: Any = SimpleNamespace(is_up=True, broker="mqtt://localhost:1883")
     display = Display(Screen(terminal), Counts(), connection)
     for station in range(40):
-        display.add(Taken(messages.cam(station, 0, PLACE), 2001, "vm", "v2x/btp/2001", 0))
-    display.add(Taken(messages.denm(7, 0, PLACE, 1), 2002, "vm", "v2x/btp/2002", 0))
+        display.add(Taken(messages.cam(station, 0, MOTION), 2001, "vm", "v2x/btp/2001", 0))
+    display.add(Taken(messages.denm(7, 0, PATH, 1), 2002, "vm", "v2x/btp/2002", 0))
     display.draw(now + 1.0)
     compare("v2n-tap", terminal.lines())
 

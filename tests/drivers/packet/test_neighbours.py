@@ -10,17 +10,18 @@ import pytest
 from board.runtime.describe import read
 from board.runtime.errors import ConfigurationError, InterfaceError
 from board.runtime.free_udp import free_udp
-from drivers.message import Position
-from drivers.sim.messages import cam, denm
+from drivers.sim.messages import TRACE, cam, denm
 from drivers.sim.neighbours import Neighbours
 from drivers.sim.options import NeighboursOptions
+from drivers.sim.track import Motion
 from drivers.udp.driver import Udp, UdpOptions
 from drivers.wire import frame
 from tests.drivers.host import CAM, DENM, MAC, SHARED, request
 
 PATIENCE_S = 0.0  # nothing here crosses the kernel's threads
 NOON = 1_795_176_000.0  # 2026-11-20T12:00:00Z
-HERE = Position(487668616, 114320680)
+HERE = Motion(487668616, 114320680, 420_000, 13_890, 9_000_000, -0.005)
+PATH = [HERE] * (TRACE + 1)
 
 
 @pytest.fixture
@@ -71,11 +72,11 @@ def test_a_clock_that_was_never_set_or_is_beyond_2143_is_taken_for_the_nearest_i
 
 def test_they_move_and_their_two_positions_agree(loop, host, begin):
     begin(count=1, denm_hz=0)
-    loop.run_for(20)
+    loop.run_for(125)  # one lap
     places = [rx.position for _, _, rx in host.indications]
     assert len(set(places)) == len(places)
     north = [place.latitude for place in places]
-    assert 8000 < max(north) - min(north) < 16_000  # some 128 m
+    assert 35_900 < max(north) - min(north) < 36_000  # 400 m
     latitude = int.from_bytes(host.pdus[-1]) >> (46 * 8 - 107) & 0x7FFFFFFF
     assert latitude == places[-1].latitude + 900_000_000
 
@@ -154,10 +155,14 @@ def test_the_changed_fields_of_a_cam_are_where_tshark_sees_them(tmp_path):
     assert {"stationID: 4711", f"generationDeltaTime: {722_000_012_345 % 65536}"} <= set(lines)
     assert [line for line in lines if line.startswith("latitude: ") and "(487668616)" in line]
     assert [line for line in lines if line.startswith("longitude: ") and "(114320680)" in line]
+    numbers = {"headingValue": 900, "speedValue": 1389, "curvatureValue": -50, "yawRateValue": -398}
+    numbers |= {"altitudeValue": 42_000, "lateralAccelerationValue": -10}
+    for name, value in numbers.items():
+        assert [line for line in lines if line.startswith(f"{name}: ") and f"{value}" in line], name
 
 
 def test_the_changed_fields_of_a_denm_are_where_tshark_sees_them(tmp_path):
-    lines = _dissected(tmp_path, denm(4711, 722_000_012_345, HERE, 77), 2002)
+    lines = _dissected(tmp_path, denm(4711, 722_000_012_345, PATH, 77), 2002)
     wanted = {"stationID: 4711", "originatingStationID: 4711", "sequenceNumber: 77"}
     assert wanted <= set(lines)
     assert [line for line in lines if line.startswith("detectionTime: ") and "(722000012345)" in line]
@@ -167,7 +172,13 @@ def test_the_changed_fields_of_a_denm_are_where_tshark_sees_them(tmp_path):
 
 
 def test_only_the_named_fields_of_the_real_messages_are_changed():
-    one, other = denm(1, 1, Position(0, 0), 1), denm(1, 1, Position(0, 0), 1)
-    assert one == other
-    assert denm(2**32 - 1, 2**42 - 1, Position(900_000_000, 1_800_000_000), 65535)[33:] == one[33:]
-    assert cam(2**32 - 1, 65535, Position(900_000_000, 1_800_000_000))[18:] == cam(0, 0, Position(0, 0))[18:]
+    west, east = (
+        Motion(-900_000_000, -1_800_000_000, -1_000_000, 0, 0),
+        Motion(900_000_000, 1_800_000_000, 8_000_000, 0, 0),
+    )
+    ones, others = ([one] * (TRACE + 1) for one in (west, east))
+    one = denm(1, 1, ones, 1)
+    assert one == denm(1, 1, ones, 1)
+    assert denm(2**32 - 1, 2**42 - 1, others, 65535)[39:] == one[39:]
+    assert denm(1, 1, [west, *[east] * TRACE], 1)[398:] == one[398:]
+    assert cam(2**32 - 1, 65535, east)[25:] == cam(0, 0, west)[25:]

@@ -181,5 +181,5 @@ def test_a_drive_goes_round_at_its_speed():
     around = track.at(3.0 + track.length_m / 10.0)
     assert abs(around.latitude - first.latitude) <= 1
     still = Track((Point(48.0, 11.0, 400.0),)).at(99.0)
-    assert still == (480_000_000, 110_000_000, 400_000, 0, 0)
+    assert still == (480_000_000, 110_000_000, 400_000, 0, 0, 0.0)
     assert len(BLOCK) == 4

@@ -13,15 +13,15 @@ import pytest
 
 from board.runtime import describe
 from board.runtime.address import Address
-from drivers.message import Position
 from drivers.sim import messages
+from drivers.sim.track import Motion
 from firmware import cli
 from firmware.client import client
 from firmware.client.received import Message, Pairing
 from firmware.client.show.tally import Tally
 from firmware.commands import demo
 from firmware.config.board_file import Board
-from firmware.lab.demo_user import MAC, position_of
+from firmware.lab.demo_user import MAC, PATH
 from tests.firmware.lab.test_program import is_gone
 
 
@@ -49,7 +49,7 @@ def test_both_users_receive_what_the_other_sends(block, monkeypatch, capsys):
     assert f"at A        tcp://127.0.0.1:{block}  tcp://127.0.0.1:{block + 1}\n" in said
     assert f"at B        tcp://127.0.0.1:{block + 10}  tcp://127.0.0.1:{block + 11}\n" in said
     assert "received by A's user" in said
-    assert re.search(r"B's user +cam +4202 +\d+ .* 20.3 m/s 42 deg", said)
+    assert re.search(r"B's user +cam +4202 +\d+ .* 20.0 m/s \d+ deg", said)
     assert "A received " in said.splitlines()[-2]
     assert "\x1b" not in said
 
@@ -131,7 +131,7 @@ def test_each_station_is_the_others_peer():
 
 
 def test_a_message_of_an_own_program_at_a_is_decoded_in_the_table_of_bs_user(block, monkeypatch, capsys):
-    own = messages.cam(1234, 0, Position(470_500_000, 154_600_000))
+    own = messages.cam(1234, 0, Motion(470_500_000, 154_600_000, 420_000, 13_890, 9_000_000))
     send = demo.User.send
 
     def beside(self: demo.User) -> None:
@@ -142,7 +142,7 @@ def test_a_message_of_an_own_program_at_a_is_decoded_in_the_table_of_bs_user(blo
     monkeypatch.setattr(demo.User, "send", beside)
     assert cli.main(["demo", "--duration", "0.5"]) == 0
     of_b = capsys.readouterr().out.rpartition("received by B's user")[2]
-    assert re.search(r"A's user +cam +1234 .* 47\.05000 15\.46000 20\.3 m/s 42 deg", of_b)
+    assert re.search(r"A's user +cam +1234 .* 47\.05000 15\.46000 13\.9 m/s 90 deg", of_b)
 
 
 def row(mac: str, station: int, kind: str = "cam") -> demo.TallyRow:
@@ -177,17 +177,20 @@ def test_the_tables_of_both_users_fit_a_screen_and_rows_of_users_stay():
 
 def test_row_of_the_demo_after_ten_silent_seconds_is_hidden():
     tally = Tally()
-    tally.add(Message("cam", messages.cam(1234, 0, Position()), None), 1.0)
-    tally.add(Message("cam", messages.cam(4202, 0, Position()), None), 11.5)
+    tally.add(Message("cam", messages.cam(1234, 0, Motion(0, 0, 0, 0, 0)), None), 1.0)
+    tally.add(Message("cam", messages.cam(4202, 0, Motion(0, 0, 0, 0, 0)), None), 11.5)
     user: Any = SimpleNamespace(name="A", tally=tally, pairing=Pairing())
     seen = [[cells[2] for cells in demo.view([user], now, 17, None)[0].rows] for now in (10.9, 12.0)]
     assert seen == [["1234", "4202"], ["4202"]]
     assert demo.view([user], 12.0, 17, None)[0].title == "received by A's user: 2 messages"
 
 
-def test_a_vehicle_of_the_demo_drives_as_fast_as_its_cam_says():
-    before, after = (position_of("A", its_ms) for its_ms in (80_000, 81_000))
-    north = (after.latitude - before.latitude) * 0.01113
-    east = (after.longitude - before.longitude) * 0.01113 * math.cos(math.radians(48.8))
-    assert math.hypot(north, east) == pytest.approx(20.3, abs=0.1)
-    assert math.degrees(math.atan2(east, north)) == pytest.approx(42, abs=0.5)
+@pytest.mark.parametrize("name", ["A", "B"])
+def test_a_vehicle_of_the_demo_drives_as_fast_and_as_far_as_its_motion_says(name):
+    motions = [PATH[name].at(722_000_000.0 + second) for second in range(300)]
+    for before, one, after in zip(motions, motions[1:], motions[2:], strict=False):
+        north = (after.latitude - before.latitude) * 0.01113
+        east = (after.longitude - before.longitude) * 0.01113 * math.cos(math.radians(48.766))
+        assert math.hypot(north, east) == pytest.approx(2 * one.speed_mm_s / 1000, rel=0.01)
+        error = math.degrees(math.atan2(east, north)) - one.heading / 1e5
+        assert (error + 180) % 360 - 180 == pytest.approx(0, abs=0.5)

@@ -63,6 +63,13 @@ def test_each_message_is_one_json_object_with_its_header_and_what_the_interface_
     assert (denm["type"], denm["hex"]) == ("denm", DENM.hex())
 
 
+def test_an_unknown_position_of_a_message_is_null(capsys):
+    with FakeStation([(b"raw.", raw.build(CAM, RECEIVED_NS, RxInfo())), (b"v2x.cam.", CAM)]) as station:
+        assert listened(station, "--json", "--count", "1") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["latitude"], found["longitude"], found["rssi_dbm"]) == (None, None, None)
+
+
 def mark(pdu: bytes, *reasons: str, received_ns: int = RECEIVED_NS) -> tuple[bytes, bytes]:
     said = {"digest": digest_of(pdu), "received_ns": received_ns, "implausible": reasons}
     return b"implausible.cam.", json.dumps(said).encode()
