@@ -72,3 +72,19 @@ captain_status test_again(const char *name, const unsigned char *octets, size_t 
     status = captain_decode_exact(type, value_, octets, size, &arena);
     return status == CAPTAIN_OK ? captain_encode(type, value_, again, room, bits) : status;
 }
+
+/* Reads JSON of one dialect and writes the other. report: of the reader. */
+captain_status test_translate(const char *name, const char *json, bool to_plain, char *text, size_t room, char *why)
+{
+    const captain_type *type = captain_find_message(name)->pdu;
+    output to = {text, text + room};
+    captain_arena arena;
+    captain_report report;
+    captain_arena_init(&arena, memory, sizeof memory);
+    captain_status status = (to_plain ? captain_json_read : captain_json_read_plain)(type, value_, json, strlen(json), &arena, &report);
+    strcpy(why, report.path);
+    strcat(strcat(why, ": "), report.text);
+    if (status == CAPTAIN_OK)
+        status = (to_plain ? captain_json_write_plain : captain_json_write)(type, value_, put, &to);
+    return status;
+}

@@ -115,6 +115,20 @@ class Compiled:
         """Raises RefusedError."""
         self._check(self._library.test_validate(name.encode(), json.dumps(value).encode()))
 
+    def to_plain(self, name: str, exact: str) -> str:
+        """JSON of the plain dialect. Raises RefusedError with path and sentence."""
+        return self._translated(name, exact, is_to_plain=True)
+
+    def to_exact(self, name: str, plain: str) -> str:
+        return self._translated(name, plain, is_to_plain=False)
+
+    def _translated(self, name: str, text: str, is_to_plain: bool) -> str:
+        made, why = ctypes.create_string_buffer(ROOM), ctypes.create_string_buffer(2048)
+        room = ctypes.c_size_t(ROOM)
+        if self._library.test_translate(name.encode(), text.encode(), is_to_plain, made, room, why):
+            raise RefusedError(why.value.decode())
+        return made.value.decode()
+
     def _check(self, status: int) -> None:
         if status:
             raise RefusedError(self._library.captain_status_text(status).decode())

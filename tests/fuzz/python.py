@@ -46,7 +46,8 @@ def by_octets(message: Any, octets: bytes) -> None:
     for again in (encoded, message.encode(view)):
         comes_back(message, again, value, encoded)
     if zlib.crc32(octets) % EVERY == 0:
-        comes_back(message, message.from_json(message.to_json(octets)), value, encoded)
+        for plain in (False, True):
+            comes_back(message, message.from_json(message.to_json(octets, plain=plain), plain=plain), value, encoded)
         message.text(octets)
         message.explain(octets)
         reads_alike(message, octets, value)
@@ -81,8 +82,9 @@ def without_zeros(value: Any) -> Any:
 
 
 def by_json(message: Any, octets: bytes) -> None:
-    with contextlib.suppress(messages.EncodeError, UnicodeError):
-        message.from_json(octets.decode("utf-8", "surrogateescape"))
+    for plain in (False, True):
+        with contextlib.suppress(messages.EncodeError, UnicodeError):
+            message.from_json(octets.decode("utf-8", "surrogateescape"), plain=plain)
 
 
 def by_path(message: Any, octets: bytes) -> None:

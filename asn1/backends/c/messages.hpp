@@ -213,15 +213,9 @@ public:
             captain_init(type_, data_);
         return status;
     }
-    void read_json(std::string_view json)
-    {
-        restart();
-        captain_report report{};
-        if (captain_json_read(type_, data_, json.data(), json.size(), memory_.arena(), &report) != CAPTAIN_OK) {
-            captain_init(type_, data_);
-            throw error(report);
-        }
-    }
+    void read_json(std::string_view json) { read_json(json, &captain_json_read); }
+    /// The plain dialect: SI units, special values by name.
+    void read_plain_json(std::string_view json) { read_json(json, &captain_json_read_plain); }
 
     /// Throws error if the value cannot be encoded.
     std::vector<std::uint8_t> encode() const
@@ -240,6 +234,7 @@ public:
     captain_status try_validate() const noexcept { return captain_validate(type_, data_); }
 
     std::string json() const { return written(&captain_json_write); }
+    std::string plain_json() const { return written(&captain_json_write_plain); }
     std::string text() const { return written(&captain_print); }
 
     const captain_type &type() const noexcept { return *type_; }
@@ -261,11 +256,21 @@ public:
 
 private:
     using writer = captain_status (*)(const captain_type *, const void *, captain_sink, void *);
+    using json_reader = captain_status (*)(const captain_type *, void *, const char *, std::size_t, captain_arena *, captain_report *);
 
     void restart()
     {
         memory_.clear();
         data_ = memory_.take(type_->size);
+    }
+    void read_json(std::string_view json, json_reader read)
+    {
+        restart();
+        captain_report report{};
+        if (read(type_, data_, json.data(), json.size(), memory_.arena(), &report) != CAPTAIN_OK) {
+            captain_init(type_, data_);
+            throw error(report);
+        }
     }
     void check(captain_status status, bool is_strict) const
     {

@@ -52,9 +52,26 @@ static PyObject *written(PyObject *self, PyObject *source, writer write)
     return text;
 }
 
-PyObject *message_to_json(PyObject *self, PyObject *source)
+/* Read the arguments of to_json and from_json: one by position, and `plain` by name. */
+static bool json_arguments(PyObject *const *arguments, Py_ssize_t count, PyObject *names, bool *is_plain)
 {
-    return written(self, source, captain_json_write);
+    Py_ssize_t named = names == NULL ? 0 : TUPLE_COUNT(names);
+    *is_plain = false;
+    if (count != 1 || named > 1 || (named == 1 && PyUnicode_CompareWithASCIIString(TUPLE_ITEM(names, 0), "plain") != 0)) {
+        PyErr_SetString(PyExc_TypeError, "one argument is expected, and optionally plain=True");
+        return false;
+    }
+    int plain = named == 1 ? PyObject_IsTrue(arguments[1]) : 0;
+    *is_plain = plain == 1;
+    return plain >= 0;
+}
+
+PyObject *message_to_json(PyObject *self, PyObject *const *arguments, Py_ssize_t count, PyObject *names)
+{
+    bool is_plain;
+    if (!json_arguments(arguments, count, names, &is_plain))
+        return NULL;
+    return written(self, arguments[0], is_plain ? captain_json_write_plain : captain_json_write);
 }
 
 PyObject *message_text(PyObject *self, PyObject *source)
@@ -97,9 +114,8 @@ static const char *json_text(PyObject *source, Py_ssize_t *count)
     return text;
 }
 
-PyObject *message_from_json(PyObject *self, PyObject *source)
+static PyObject *read_json(const captain_type *type, PyObject *source, bool is_plain)
 {
-    const captain_type *type = message_of(self)->message->pdu;
     memory memory;
     _Alignas(max_align_t) unsigned char first[SCRATCH];
     captain_report report = {0};
@@ -113,7 +129,7 @@ PyObject *message_from_json(PyObject *self, PyObject *source)
     void *value = captain_arena_take(&memory.arena, type->size);
     captain_status status = CAPTAIN_NO_MEMORY;
     if (value != NULL)
-        status = captain_json_read(type, value, text, (size_t)count, &memory.arena, &report);
+        status = (is_plain ? captain_json_read_plain : captain_json_read)(type, value, text, (size_t)count, &memory.arena, &report);
     if (report.status == CAPTAIN_OK)
         report.status = status;
     PyObject *octets = NULL;
@@ -125,6 +141,14 @@ PyObject *message_from_json(PyObject *self, PyObject *source)
         raise_report(EncodeError, &report);
     memory_close(&memory);
     return octets;
+}
+
+PyObject *message_from_json(PyObject *self, PyObject *const *arguments, Py_ssize_t count, PyObject *names)
+{
+    bool is_plain;
+    if (!json_arguments(arguments, count, names, &is_plain))
+        return NULL;
+    return read_json(message_of(self)->message->pdu, arguments[0], is_plain);
 }
 
 /* ---------------------------------------------------------------- bit by bit */

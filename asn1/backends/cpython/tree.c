@@ -2,7 +2,7 @@
 #include "decode.h"
 #include "errors.h"
 #include "message.h"
-#include "walk.h"
+#include "plain.h"
 
 typedef struct type {
     PyObject_HEAD
@@ -115,6 +115,37 @@ static PyObject *type_names(PyObject *self, void *unused)
     return tuple;
 }
 
+static PyObject *type_special(PyObject *self, void *unused)
+{
+    (void)unused;
+    const captain_type *type = of(self)->type;
+    PyObject *list = PyList_New(0);
+    for (uint16_t index = 0; list != NULL && type->kind == CAPTAIN_INTEGER && index < type->names_count; index++) {
+        PyObject *name = captain_plain_is_special(type->names[index].name) ? PyUnicode_FromString(type->names[index].name) : Py_NewRef(Py_None);
+        if (name == NULL || (name != Py_None && PyList_Append(list, name) < 0))
+            Py_CLEAR(list);
+        Py_XDECREF(name);
+    }
+    PyObject *tuple = list == NULL ? NULL : PyList_AsTuple(list);
+    Py_XDECREF(list);
+    return tuple;
+}
+
+/* Return the ends of the range in the plain dialect, and their unit. */
+static PyObject *type_plain_range(PyObject *self, PyObject *unit)
+{
+    const captain_type *type = of(self)->type;
+    char low[PLAIN_TEXT], high[PLAIN_TEXT];
+    const char *text = type->unit;
+    if (unit != Py_None && (text = PyUnicode_AsUTF8AndSize(unit, NULL)) == NULL)
+        return NULL;
+    if (type->kind != CAPTAIN_INTEGER || text == NULL)
+        return PyErr_Format(PyExc_ValueError, "%R is no INTEGER with a unit", self);
+    captain_plain plain = captain_plain_of(type, text);
+    const char *least = captain_plain_low(type, plain, low) ? low : NULL, *most = captain_plain_high(type, plain, high) ? high : NULL;
+    return Py_BuildValue("(zzs)", least, most, plain.unit);
+}
+
 static PyObject *field_object(const slot *slot)
 {
     PyObject *new = PyStructSequence_New(Field);
@@ -162,6 +193,11 @@ static PyObject *type_rows(PyObject *self, void *unused)
 
 /* ---------------------------------------------------------------- the classes */
 
+static PyMethodDef METHODS[] = {
+    {"plain_range", type_plain_range, METH_O, "Unit of the component or None to the least and the largest number of the plain dialect, and their unit."},
+    {0},
+};
+
 static PyObject *type_compare(PyObject *left, PyObject *right, int operation)
 {
     if (Py_TYPE(left) != Type || Py_TYPE(right) != Type || (operation != Py_EQ && operation != Py_NE))
@@ -188,13 +224,14 @@ static PyGetSetDef ATTRIBUTES[] = {
     {"high", type_high, NULL, "Largest value, or size, of the root; None: no bound.", NULL},
     {"is_extensible", type_is_extensible, NULL, NULL, NULL},
     {"names", type_names, NULL, "Named numbers, items or bits: (name, value).", NULL},
+    {"special", type_special, NULL, "Names of the special values of an INTEGER.", NULL},
     {"fields", type_fields, NULL, "Components of a SEQUENCE, alternatives of a CHOICE.", NULL},
     {"element", type_element, NULL, "Type of the elements of a list.", NULL},
     {"rows", type_rows, NULL, "Of an open type: (identifier, type).", NULL},
     {0},
 };
 static PyType_Slot SLOTS[] = {{Py_tp_dealloc, type_dealloc}, {Py_tp_repr, type_repr}, {Py_tp_richcompare, type_compare},
-                              {Py_tp_hash, type_hash}, {Py_tp_getset, ATTRIBUTES}, {Py_tp_doc, "A type of the ASN.1."}, {0}};
+                              {Py_tp_hash, type_hash}, {Py_tp_getset, ATTRIBUTES}, {Py_tp_methods, METHODS}, {Py_tp_doc, "A type of the ASN.1."}, {0}};
 static PyType_Spec SPEC = {.name = "captain_messages.Type", .basicsize = (int)sizeof(type),
                            .flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE | Py_TPFLAGS_DISALLOW_INSTANTIATION,
                            .slots = SLOTS};

@@ -38,10 +38,11 @@ UNITS: dict[str, tuple[Fraction, str]] = {
 }  # fmt: skip
 _UNIT = re.compile(r"(?:(?P<count>[0-9.e/-]*[0-9]) )?(?P<unit>.+)")
 
-# Names of numbers with a special meaning: unknown, or beyond an end of the range.
+# Names of numbers with a special meaning, in every spelling of the standards: unknown, or beyond an end of the range.
+# They are part of SPECIAL in backends/c/runtime/src/plain.c.
 NO_VALUE = ("unavailable", "unknown", "notAvailable")
-BELOW = ("negativeOutOfRange",)
-BEYOND = ("outOfRange", "positiveOutOfRange")
+BELOW = ("negativeOutOfRange", "negativeOutofRange", "outOfRangeNegative")
+BEYOND = ("outOfRange", "positiveOutOfRange", "postiveOutOfRange", "outOfRangePositive")
 
 
 class Quantity(NamedTuple):

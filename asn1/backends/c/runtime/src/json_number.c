@@ -1,4 +1,4 @@
-/* Numbers in JSON (RFC 8259 clause 6): whole numbers, in all notations. */
+/* Numbers in JSON (RFC 8259 clause 6), in all notations: whole numbers, and numbers in a unit. */
 #include "json.h"
 
 /* Limit of exponents. No text has enough digits for a larger exponent to matter. */
@@ -107,6 +107,50 @@ captain_status captain_json_integer(json *from, bool is_unsigned64, int64_t *num
     if (!is_whole)
         return captain_json_refuse_found(from, CAPTAIN_SYNTAX, "a whole number");
     return refuse_large(from, after);
+}
+
+/* ---------------------------------------------------------------- numbers in a unit */
+
+/* Digits of the fraction that decide on rounding. */
+enum { FRACTION_DIGITS = 9 };
+#define FRACTION UINT64_C(1000000000)
+
+static unsigned next_digit(const number_text *text, const char **at)
+{
+    *at += *at == text->point;
+    return *at < text->end ? (unsigned)(*(*at)++ - '0') : 0;
+}
+
+/* Return text * 10^places * per / times, rounded to the nearest; half a step away from 0. */
+static uint64_t nearest_step(const number_text *text, const captain_plain *of, bool *is_small)
+{
+    uint64_t result = 0, rest = 0, fraction = 0; /* result + rest / times: value of the digits so far */
+    int64_t left = (text->point - text->digits) + text->exponent + of->places;
+    const char *at = text->digits;
+    *is_small = true;
+    for (; left > 0 && *is_small && (at < text->end || result != 0 || rest != 0); left--) {
+        rest = 10 * rest + next_digit(text, &at) * of->per;
+        *is_small = result < UINT64_MAX / 10 - rest / of->times;
+        result = 10 * result + rest / of->times;
+        rest %= of->times;
+    }
+    for (unsigned i = 0; i < FRACTION_DIGITS; i++, left++)
+        fraction = 10 * fraction + (left < 0 ? 0 : next_digit(text, &at));
+    rest = rest * FRACTION + fraction * of->per;
+    uint64_t whole = of->times * FRACTION;
+    return result + rest / whole + (2 * (rest % whole) >= whole);
+}
+
+captain_status captain_json_scaled(json *from, const captain_plain *of, bool is_unsigned64, int64_t *number, bool *is_small)
+{
+    number_text text;
+    if (!scan_number(from, &text))
+        return captain_json_refuse_found(from, CAPTAIN_SYNTAX, "a number");
+    uint64_t value = nearest_step(&text, of, is_small);
+    uint64_t most = is_unsigned64 ? (text.is_negative ? 0 : UINT64_MAX) : (uint64_t)INT64_MAX + text.is_negative;
+    *is_small = *is_small && value <= most;
+    *number = (int64_t)(text.is_negative ? 0 - value : value);
+    return CAPTAIN_OK;
 }
 
 bool captain_json_skip_number(json *from)

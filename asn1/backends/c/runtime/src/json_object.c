@@ -144,7 +144,7 @@ static captain_status postpone(json *from, captain_open *open)
 /* Return whether a value is given as hexadecimal text of the open type, though the type itself is never text. */
 static bool is_raw(json *from, const captain_type *type)
 {
-    bool is_text = type->kind == CAPTAIN_ENUMERATED || (type->kind >= CAPTAIN_SMALL_BITS && type->kind <= CAPTAIN_RELATIVE_OID);
+    bool is_text = (from->is_plain && type->kind == CAPTAIN_INTEGER) || type->kind == CAPTAIN_ENUMERATED || (type->kind >= CAPTAIN_SMALL_BITS && type->kind <= CAPTAIN_RELATIVE_OID);
     return !is_text && captain_json_is(from, '"');
 }
 
@@ -162,6 +162,7 @@ static captain_status read_open(json *from, const captain_type *type, const capt
     TRY(captain_json_take_memory(from, row->size, &memory));
     open->type = row;
     open->value = memory;
+    from->unit = NULL;
     return captain_json_value(from, row, memory);
 }
 
@@ -191,6 +192,7 @@ static captain_status read_field(json *from, members *of, unsigned index)
     TRY(field_memory(from, field, of->structure, &memory));
     if (field->present != CAPTAIN_NOWHERE)
         *(bool *)(of->structure + field->present) = true;
+    from->unit = field->unit;
     return field->type->kind == CAPTAIN_OPEN ? postpone(from, memory) : captain_json_value(from, field->type, memory);
 }
 
@@ -264,6 +266,7 @@ static captain_status read_alternative(json *from, const captain_type *type, cha
     void *memory;
     size_t path = captain_path_push(&from->path, field->name);
     TRY(field_memory(from, field, structure, &memory));
+    from->unit = field->unit;
     TRY(captain_json_value(from, field->type, memory));
     captain_path_pop(&from->path, path);
     *(uint32_t *)(void *)structure = index + 1;

@@ -42,6 +42,9 @@ static captain_status read_null(json *from, bool *value)
 static captain_status read_integer(json *from, const captain_type *type, void *value)
 {
     int64_t number;
+    const char *unit = from->unit != NULL ? from->unit : type->unit;
+    if (from->is_plain && (unit != NULL || captain_json_is(from, '"')))
+        return captain_json_read_plain_integer(from, type, unit, value);
     TRY(captain_json_integer(from, captain_walk_is_unsigned64(type), &number));
     TRY(captain_check_number(type, number, from->report, &from->path));
     captain_walk_set_number(type, value, number);
@@ -51,11 +54,9 @@ static captain_status read_integer(json *from, const captain_type *type, void *v
 static captain_status read_item(json *from, const captain_type *type, void *value)
 {
     json_string string;
-    char name[JSON_MAX_NAME] = "", shown[JSON_MAX_NAME], text[256];
+    char name[JSON_MAX_NAME], shown[JSON_MAX_NAME], text[256];
     TRY(captain_json_take_string(from, &string, "the name of an item in quotes"));
-    if (string.octets < sizeof name)
-        captain_json_copy(&string, name);
-    name[string.octets < sizeof name ? string.octets : 0] = 0;
+    captain_json_copy_name(&string, name);
     for (unsigned i = 0; i < type->names_count; i++) {
         if (strlen(type->names[i].name) != string.octets || strcmp(type->names[i].name, name) != 0)
             continue;
@@ -105,6 +106,7 @@ static captain_status read_list(json *from, const captain_type *type, void *valu
     TRY(captain_json_open(from, '[', "a list", &is_more));
     for (; is_more && list.count < count; list.count++) {
         size_t path = captain_path_push_index(&from->path, list.count);
+        from->unit = NULL;
         TRY(captain_json_value(from, type->element, (char *)list.items + (size_t)list.count * type->element->size));
         captain_path_pop(&from->path, path);
         TRY(captain_json_more(from, '[', &is_more));
@@ -132,7 +134,9 @@ captain_status captain_json_value(json *from, const captain_type *type, void *va
     case CAPTAIN_INTEGER: return read_integer(from, type, value);
     case CAPTAIN_ENUMERATED: return read_item(from, type, value);
     case CAPTAIN_SMALL_BITS:
-    case CAPTAIN_BIT_STRING: return captain_json_read_bits(from, type, value);
+    case CAPTAIN_BIT_STRING:
+        return from->is_plain && (type->flags & CAPTAIN_NAMED_BITS) ? captain_json_read_named_bits(from, type, value)
+                                                                    : captain_json_read_bits(from, type, value);
     case CAPTAIN_FIXED_OCTETS:
     case CAPTAIN_OCTET_STRING: return captain_json_read_octets(from, type, value);
     case CAPTAIN_OID:
@@ -153,12 +157,24 @@ captain_status captain_json_value(json *from, const captain_type *type, void *va
     return CAPTAIN_OK;
 }
 
+static captain_status read_whole(json *from, const captain_type *type, void *value)
+{
+    captain_report_clear(from->report);
+    TRY(captain_json_value(from, type, value));
+    captain_json_blanks(from);
+    return from->next == from->end ? CAPTAIN_OK : captain_json_refuse_found(from, CAPTAIN_SYNTAX, "the end of the text");
+}
+
 captain_status captain_json_read(const captain_type *type, void *value, const char *text, size_t octets, captain_arena *arena,
                                  captain_report *report)
 {
     json from = {.start = text, .next = text, .end = text + octets, .arena = arena, .report = report};
-    captain_report_clear(report);
-    TRY(captain_json_value(&from, type, value));
-    captain_json_blanks(&from);
-    return from.next == from.end ? CAPTAIN_OK : captain_json_refuse_found(&from, CAPTAIN_SYNTAX, "the end of the text");
+    return read_whole(&from, type, value);
+}
+
+captain_status captain_json_read_plain(const captain_type *type, void *value, const char *text, size_t octets,
+                                       captain_arena *arena, captain_report *report)
+{
+    json from = {.start = text, .next = text, .end = text + octets, .arena = arena, .report = report, .is_plain = true};
+    return read_whole(&from, type, value);
 }

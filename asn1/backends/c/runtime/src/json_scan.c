@@ -167,6 +167,14 @@ void captain_json_copy(const json_string *string, char *text)
     }
 }
 
+void captain_json_copy_name(const json_string *string, char name[JSON_MAX_NAME])
+{
+    bool is_short = string->octets < JSON_MAX_NAME;
+    if (is_short)
+        captain_json_copy(string, name);
+    name[is_short ? string->octets : 0] = 0;
+}
+
 captain_status captain_json_name(json *from, char name[JSON_MAX_NAME])
 {
     json_string string;

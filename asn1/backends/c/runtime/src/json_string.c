@@ -120,17 +120,26 @@ captain_status captain_json_read_bits(json *from, const captain_type *type, void
         return captain_json_refuse(from, CAPTAIN_SIZE, "bits behind the end of the string are not zero");
     if (type->kind == CAPTAIN_SMALL_BITS) {
         uint8_t memory[8] = {0};
-        uint64_t number = 0;
         copy_hex(&string, memory);
-        for (size_t i = 0; i < octets; i++)
-            number = number << 8 | memory[i];
-        captain_walk_set_number(type, value, (int64_t)(number >> unused));
+        captain_json_store_bits(type, value, memory, (uint32_t)bits);
         return CAPTAIN_OK;
     }
     captain_octets stored;
     TRY(store_hex(from, &string, &stored));
-    *(captain_bits *)value = (captain_bits){(uint32_t)bits, stored.octets};
+    captain_json_store_bits(type, value, stored.octets, (uint32_t)bits);
     return CAPTAIN_OK;
+}
+
+void captain_json_store_bits(const captain_type *type, void *value, const uint8_t *octets, uint32_t count)
+{
+    uint64_t number = 0;
+    if (type->kind != CAPTAIN_SMALL_BITS) {
+        *(captain_bits *)value = (captain_bits){count, octets};
+        return;
+    }
+    for (uint32_t i = 0; i < (count + 7) / 8; i++)
+        number = number << 8 | octets[i];
+    captain_walk_set_number(type, value, (int64_t)(number >> ((8 - count % 8) % 8)));
 }
 
 /* ---------------------------------------------------------------- character strings */

@@ -29,6 +29,9 @@ template <class T> captain::message<T> decoded(const octet_string &octets)
     if (captain::message<T>::from_json(message.json()) != message)
         throw std::runtime_error("comes back from JSON as another value");
     captain::message<T> again;
+    again.read_plain_json(message.plain_json());
+    if (again != message)
+        throw std::runtime_error("comes back from plain JSON as another value");
     if (again.try_read(octets) != CAPTAIN_OK || again != message || again.text() != message.text())
         throw std::runtime_error("decodes to another value");
     std::vector<captain::message<T>> kept;

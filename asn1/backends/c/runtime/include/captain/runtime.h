@@ -272,6 +272,13 @@ captain_status captain_json_write(const captain_type *type, const void *value, c
  * that encode would refuse are refused. report may be NULL. */
 captain_status captain_json_read(const captain_type *type, void *value, const char *json, size_t octets, captain_arena *arena, captain_report *report);
 
+/* The plain dialect: the same tree and names, but a number with a unit is in the SI unit (or degree, degree Celsius) as the
+ * shortest exact decimal, a special value is its name ("unavailable", "outOfRange"), and a BIT STRING with named bits is the list
+ * of the names of its set bits. The reader rounds a number to the nearest step. It refuses a number outside the range of the
+ * type without its special values, and text that is no special value. asn1/guide/json.md has all rules. */
+captain_status captain_json_write_plain(const captain_type *type, const void *value, captain_sink sink, void *context);
+captain_status captain_json_read_plain(const captain_type *type, void *value, const char *json, size_t octets, captain_arena *arena, captain_report *report);
+
 /* Explain an encoding bit by bit: on_step is called for each part of the encoding, ascending by bit, and for begin and end of
  * containers. Strings are valid only during the call. Unknown additions, and headers of further fragments of open types, have
  * no type; a header inside a value is reported after it. Elements without bits are reported once. Text is cut after 512 octets
