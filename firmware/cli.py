@@ -13,8 +13,8 @@ from typing import TextIO
 
 from board.runtime.errors import StationError, UsageError
 from firmware import VERSION
-from firmware.printable import failure
-from firmware.usage import Parser, print_json
+from firmware.printable import failure, folded
+from firmware.usage import USAGE_ERROR, Parser, print_json
 
 # Commands by group, with their summaries. Each command is a module of firmware/commands. `captain --help` imports none
 # of these modules, so it takes a tenth of a second instead of a second. It shows two commands per line, so that all fit
@@ -59,7 +59,6 @@ GROUPS = {
 }
 VERBS = {verb: summary for group in GROUPS.values() for verb, summary in group.items()}
 COLUMN = 39  # width of each of two columns; with a space, a line has 79 characters: some terminals break lines of 80
-USAGE_ERROR = 2
 OUTPUT_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 USAGE = "captain COMMAND [OPTIONS]"
 NO_DESCRIPTOR = (errno.EMFILE, errno.ENFILE)
@@ -173,7 +172,7 @@ def _mute(stream: TextIO) -> None:
 def _tell(error: StationError, is_json: bool) -> None:
     """Print an error on standard error; with --json, print it as a JSON object on standard output as well."""
     try:
-        print(f"captain: {failure(error)}", file=sys.stderr, flush=True)
+        print(folded(f"captain: {failure(error)}", sys.stderr), file=sys.stderr, flush=True)
         if is_json:
             print_json(error)
     except BrokenPipeError:

@@ -1,5 +1,7 @@
 """Text of failures: for terminals, without control characters; for programs."""
 
+from typing import TextIO
+
 from board.runtime.errors import ConfigurationError, StationError
 
 MOST_MISTAKES = 50  # limit of printed mistakes: a file of a wrong kind has thousands
@@ -8,6 +10,22 @@ MOST_MISTAKES = 50  # limit of printed mistakes: a file of a wrong kind has thou
 def clean(text: str) -> str:
     """Return a text with unprintable characters escaped, because a terminal would execute control characters."""
     return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)
+
+
+def folded(text: str, stream: TextIO) -> str:
+    """Return a text for a stream: a terminal gets lines folded between words, with a hanging indent of two columns."""
+    if not stream.isatty():
+        return text
+    import shutil
+    import textwrap
+
+    columns = shutil.get_terminal_size((80, 24)).columns
+    lines = []
+    for line in text.split("\n"):
+        indent = " " * (len(line) - len(line.lstrip()) + 2)
+        parts = textwrap.wrap(line, columns, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+        lines += parts if len(line) > columns else [line]
+    return "\n".join(lines)
 
 
 def failure(error: StationError) -> str:

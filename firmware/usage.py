@@ -2,15 +2,17 @@
 
 import argparse
 import re
+import sys
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 from typing import Any, ClassVar, NoReturn
 
 from board.runtime.errors import StationError, UsageError
-from firmware.printable import failure_record
+from firmware.printable import failure_record, folded
 
 # A word that begins like a negative number is a value, not an option. argparse does not recognise "-20.5,100" as one.
 A_NUMBER = re.compile(r"-\.?\d")
+USAGE_ERROR = 2
 # First cell of a row in a help text, up to its second cell; in a line without cells, its indent.
 TABLE_HEAD = re.compile(r" +(?:\S.*?  +(?=\S))?")
 
@@ -70,7 +72,8 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         if self.is_json:
             print_json(UsageError(message, f"{self.prog} --help"))
-        super().error(message)
+        self.print_usage(sys.stderr)
+        self.exit(USAGE_ERROR, folded(f"{self.prog}: error: {message}\n", sys.stderr))
 
     def _check_value(self, action: argparse.Action, value: object) -> None:
         if action.choices is not None and value not in action.choices:

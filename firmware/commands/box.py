@@ -2,6 +2,7 @@
 
 import argparse
 import errno
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -11,7 +12,7 @@ from firmware.card import owner
 from firmware.card.store import Store
 from firmware.card.verdict import Verdict, verdict
 from firmware.config import board_file
-from firmware.printable import clean
+from firmware.printable import clean, folded
 
 DESCRIPTION = """\
 Checks the owner's files on the first partition of a box's card, as the box
@@ -66,9 +67,9 @@ def _check(arguments: argparse.Namespace) -> int:
     board = _board(arguments.board)
     found = _verdict(arguments.folder, board, None)
     for note in found.notes:
-        print(clean(f"{'WRONG' if note.is_mistake else 'note':6} {note.text}"))
+        print(folded(clean(f"{'WRONG' if note.is_mistake else 'note':6} {note.text}"), sys.stdout))
     said = "the box will take it" if found.is_accepted else "the box will NOT take it"
-    print(clean(f"{said}: {owner.content(found)}"))
+    print(folded(clean(f"{said}: {owner.content(found)}"), sys.stdout))
     return 0 if found.is_accepted else 1
 
 

@@ -87,19 +87,18 @@ def _list(known: list[Message], is_json: bool) -> None:
         for message in known:
             print_json(_described(message))
         return
-    heads = ("edition", "standard", ">messageID", ">version", ">BTP port", "")
+    heads = ("edition", ">messageID", ">version", ">port", "standard")
     rows = [
         (
             message.name,
-            message.standard,
             _numbers(message.ids),
             _numbers(message.versions),
             str(message.btp_port or "-"),
-            "experimental" if message.is_experimental else "",
+            message.standard + (", experimental" if message.is_experimental else ""),
         )
         for message in known
     ]
-    title = f"{len(known)} messages; of one type the preferred edition first"
+    title = f"{len(known)} messages; of one type the preferred edition first; port: BTP"
     print("\n".join(lines_for(Table(title, heads, rows), sys.stdout)))
 
 

@@ -1,9 +1,11 @@
 """captain explain: explains a message bit by bit."""
 
 import argparse
-from collections.abc import Sequence
+import sys
+import textwrap
+from collections.abc import Iterator, Sequence
 
-from firmware.client.show.table import Table, plain
+from firmware.client.show.table import Table, plain, width_of
 from firmware.codec import bits, library
 from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each, print_json
 from firmware.codec.decoding import Decoder, UndecodableError, doubt_record
@@ -38,7 +40,7 @@ exit codes:
   2    wrong usage
   130  Ctrl-C
 """
-WIDEST = 1000  # columns; a line folded by the terminal is better than a name that is cut
+WIDEST = 1000  # columns: names and values are never cut
 HEADS = (">bit", ">width", "bits", "X.691", "field", "value")
 
 
@@ -73,7 +75,20 @@ def _show(pdu: Pdu, message: Message, notes: list[str], doubt: dict[str, object]
             print_json({key: value for key, value in told.items() if key != "depth"})
         return
     title = f"{message.name}: {message.standard}, {len(pdu.octets)} octets, {pdu.origin}"
-    print("\n".join([*plain(Table(title, HEADS, _cells(rows), notes), WIDEST), ""]), flush=True)
+    width = width_of(sys.stdout) if sys.stdout.isatty() else WIDEST
+    lines = _fitted(plain(Table("", HEADS, _cells(rows)), WIDEST), width)
+    print("\n".join([*plain(Table(title), width), *lines, *plain(Table("", notes=notes), width), ""]), flush=True)
+
+
+def _fitted(lines: Sequence[str], width: int) -> Iterator[str]:
+    """Yield the lines of rows; the value of a too wide one is a line of its own, at the right."""
+    start = lines[0].index(HEADS[-1])
+    for line in lines:
+        if len(line) > width:
+            yield line[:start].rstrip()
+            yield from (part.rjust(width) for part in textwrap.wrap(line[start:], width))
+        else:
+            yield line
 
 
 def _cells(rows: Sequence[bits.Row]) -> list[tuple[str, ...]]:

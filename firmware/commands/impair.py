@@ -17,7 +17,7 @@ from drivers.wire.impairment import Impairment
 from firmware.client import client
 from firmware.client.arguments import seconds, station
 from firmware.codec.reading import Pdu
-from firmware.printable import clean
+from firmware.printable import clean, folded
 from firmware.replay import ears, ends
 from firmware.replay.arguments import add_impairments, impairments, told
 from firmware.replay.bridge import Bridge, Side, Way
@@ -101,11 +101,12 @@ def main(arguments: argparse.Namespace) -> int:
 
         for number in (signal.SIGINT, signal.SIGTERM):
             ending.callback(signal.signal, number, signal.signal(number, stop))
-        print(f"captain: lossy link between {a.name} and {b.name}", file=sys.stderr, flush=True)
+        begin = f"captain: lossy link between {a.name} and {b.name}"
+        print(folded(begin, sys.stderr), file=sys.stderr, flush=True)
         try:
             bridge.run(arguments.duration)
         finally:
-            print(as_json(ways) if arguments.json else "\n".join(lines(ways)), flush=True)
+            print(as_json(ways) if arguments.json else folded("\n".join(lines(ways)), sys.stdout), flush=True)
     if signal.SIGINT in came:
         raise KeyboardInterrupt
     return 0

@@ -288,10 +288,8 @@ class Result(NamedTuple):
 
         width = width_of(sys.stdout)
         yield from plain(table(self.counted), width)
-        yield ""
-        on_air = f" ({self.counted.lost_on_air} of them by the air)" if self.counted.lost_on_air else ""
-        yield f"{self.lost} lost{on_air}, {self.altered} altered"
         if arguments.capture:
+            yield ""
             yield f"{self.counted.recorded} frames in {arguments.capture}"
         if self.ways:
             yield ""
@@ -299,6 +297,9 @@ class Result(NamedTuple):
         if self.is_decoded:
             yield ""
             yield from plain(decoded_table(self.dissected), width)
+        yield ""
+        on_air = f" ({self.counted.lost_on_air} of them by the air)" if self.counted.lost_on_air else ""
+        yield f"{self.lost} lost{on_air}, {self.altered} altered"
 
     def as_json(self, arguments: argparse.Namespace) -> dict[str, object]:
         return {

@@ -16,10 +16,10 @@ from firmware.client.arguments import HIGHEST_RATE, add_station, address, finite
 from firmware.client.show.failures import Failures
 from firmware.codec.arguments import add_format
 from firmware.codec.reading import Pdu
-from firmware.printable import clean, failure_record
+from firmware.printable import clean, failure_record, folded
 from firmware.replay.arguments import add_impairments, impairments, told
 from firmware.replay.ending import until_sigterm
-from firmware.replay.ends import Datagrams, DeviceEnd, End, StationEnd, Users, station_lines
+from firmware.replay.ends import Datagrams, DeviceEnd, End, StationEnd, Users, station_lines, unsent
 from firmware.replay.player import Played, Player
 from firmware.replay.rewriting import Changes, Rewriting
 from firmware.replay.source import Choice, Source
@@ -135,7 +135,8 @@ def _add_ends(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     """Replay recordings to a station, a peer or a device.
 
-    Raises UsageError for --loop of standard input, for --to before --from, and for --framing without --udp.
+    Raises UsageError for --loop of standard input, for --to before --from, and for --framing without --udp. Raises
+    StationError with the first reason if a message was not sent or not received, after the summary.
     """
     what = arguments.what or ["-"]
     if "-" in what and arguments.loop != 1:
@@ -174,10 +175,16 @@ def main(arguments: argparse.Namespace) -> int:
         finally:
             if isinstance(end, StationEnd):
                 end.close()
-            told_in = sys.stdout if arguments.json else sys.stderr
             summary = Summary(player.played, way, source, end, time.monotonic() - began)
-            print(summary.json() if arguments.json else "\n".join(summary.lines()), file=told_in, flush=True)
-    return 1 if summary.cause else 0
+            if arguments.json:
+                print(summary.json(), flush=True)
+            elif player.played.read:
+                print(folded("\n".join(summary.lines()), sys.stderr), file=sys.stderr, flush=True)
+    if summary.cause is None:
+        return 0
+    if arguments.json or (player.played.unreadable and not player.played.read):
+        return 1  # the error is printed already
+    raise summary.cause
 
 
 def _rounds(count: int) -> Iterator[int]:
@@ -220,6 +227,7 @@ class Summary:
         self._played = played
         self._way = way
         self._skipped = source.skipped
+        self._end = end
         self._station = end if isinstance(end, StationEnd) else None
         self._unheard = end.unheard if isinstance(end, Datagrams) else 0
         self._seconds = seconds
@@ -247,15 +255,7 @@ class Summary:
     @property
     def cause(self) -> StationError | None:
         """First reason for exit code 1; None for exit code 0."""
-        if cause := self._played.cause:
-            return cause
-        if self._station is not None and not self._station.is_good:
-            for why, where in self._station.firsts.items():
-                return StationError(f"{where}: {why}")
-            return StationError("the station did not confirm every message as sent")
-        if self._unheard:
-            return StationError(f"no receiver listened to {self._unheard} datagrams", "start the receiver first")
-        return None
+        return self._played.cause or unsent(self._end)
 
     def json(self) -> str:
         played = self._played

@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +13,7 @@ from typing import NamedTuple
 from board.runtime import tool
 from board.runtime.errors import StationError
 from firmware.client.arguments import station
+from firmware.printable import folded
 
 DESCRIPTION = """\
 Starts the gateway between a station and ROS 2. It is a node, captain_gateway,
@@ -102,7 +104,7 @@ def main(arguments: argparse.Namespace) -> int:
     found = probe(environment)
     lacking = missing(found)
     if arguments.check:
-        print("\n".join(told(found, lacking)))
+        print(folded("\n".join(told(found, lacking)), sys.stdout))
         return 1 if lacking else 0
     if lacking:
         first, *others = lacking

@@ -146,7 +146,12 @@ def main(arguments: argparse.Namespace) -> int:
                 outgoing.give_up()
             account.all(outgoing)
         pusher.close(linger=LINGER_MS)
-    return 0 if outgoing.all_sent and not account.invalid else 1
+    if outgoing.all_sent and not account.invalid:
+        return 0
+    print(
+        f"captain: not sent: {account.unsent(outgoing)} of {outgoing.count + account.invalid} messages", file=sys.stderr
+    )
+    return 1
 
 
 # -- options of messages

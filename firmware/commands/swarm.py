@@ -11,15 +11,15 @@ from contextlib import ExitStack
 from pathlib import Path
 from random import Random
 
-from board.runtime.errors import RequestError
+from board.runtime.errors import RequestError, StationError
 from drivers.message import Area, MessageType
 from drivers.sim.track import Point
 from firmware.client import client
 from firmware.client.arguments import add_station, address, finite, integer, number, seconds, udp_address
 from firmware.codec.reading import Pdu
-from firmware.printable import clean
+from firmware.printable import clean, folded
 from firmware.replay.ending import until_sigterm
-from firmware.replay.ends import Datagrams, DeviceEnd, StationEnd, station_lines
+from firmware.replay.ends import Datagrams, DeviceEnd, StationEnd, station_lines, unsent
 from firmware.replay.reasons import count
 from firmware.swarm import tracks
 from firmware.swarm.audience import Audience, StationAddress, ear_of
@@ -118,6 +118,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
+    """Send the messages of virtual stations.
+
+    Raises StationError with the first reason if a message was not sent or none was received, after the summary.
+    """
     writer = Writer(arguments.cpm_edition)
     vehicles = list(_vehicles(arguments, writer))
     plan = Plan(arguments.rate, arguments.cpm, arguments.denm, arguments.seed)
@@ -135,8 +139,10 @@ def main(arguments: argparse.Namespace) -> int:
             if out.station is not None:
                 out.station.close()
             told = swarm.sent, out, _cpu_s() - before_s
-            print(_json(*told) if arguments.json else "\n".join(_lines(*told)), flush=True)
-    return 0 if out.is_good else 1
+            print(_json(*told) if arguments.json else folded("\n".join(_lines(*told)), sys.stdout), flush=True)
+        if (cause := out.cause) is not None and not arguments.json:
+            raise cause
+    return 0 if cause is None else 1
 
 
 def _vehicles(arguments: argparse.Namespace, writer: Writer) -> Iterator[Vehicle]:
@@ -193,9 +199,15 @@ class Air:
         return None if self.audience is None else self.audience.is_reached
 
     @property
-    def is_good(self) -> bool:
-        is_confirmed = self.station is None or self.station.is_good
-        return not self.unheard and not self.refused and is_confirmed and self.is_received is not False
+    def cause(self) -> StationError | None:
+        """First reason for exit code 1; None for exit code 0."""
+        for why in self.why:
+            return StationError(f"{self.refused} messages were not sent: {why}")
+        if (cause := unsent(self.end)) is not None:
+            return cause
+        if self.is_received is False:
+            return StationError("no user of the station received a message", "look at `captain status`")
+        return None
 
     def finish(self) -> None:
         """Wait a little for the last confirms and receptions."""
@@ -237,7 +249,7 @@ def _lines(sent: Sent, out: Air, cpu_s: float) -> Iterator[str]:
     if sent.late:
         yield f"{sent.late} were more than {LATE_S:g} s late, up to {sent.latest_s:.2f} s: this machine is too slow"
     if out.ear is not None:
-        got = "its users receive them" if out.is_received else "its users received none; look at `captain status`"
+        got = "its users receive them" if out.is_received else "its users received none"
         yield f"station {out.ear.station} listens on {out.ear.to}; {got}"
     if out.unheard:
         yield f"{out.unheard} refused: no program listens at the address"

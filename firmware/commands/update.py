@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from board.runtime.errors import UsageError
 from firmware import VERSION
 from firmware.client.show.table import Table, lines_for
-from firmware.printable import clean, failure
+from firmware.printable import clean, failure, folded
 from firmware.update import bundle as update_bundle
 from firmware.update import health, update
 from firmware.update.bundle import Bundle
@@ -132,7 +132,8 @@ def _restart() -> None:
 def _say(line: str, is_wrong: bool = False) -> None:
     """Print a line. Once its reader has gone, discard all further output to this stream."""
     try:
-        print(line, file=sys.stderr if is_wrong else sys.stdout, flush=True)
+        stream = sys.stderr if is_wrong else sys.stdout
+        print(folded(line, stream), file=stream, flush=True)
     except OSError:
         setattr(sys, "stderr" if is_wrong else "stdout", io.StringIO())
 
@@ -197,14 +198,14 @@ def _status(is_json: bool) -> None:
             slot.version,
             slot.installed or "-",
             "?" if slot.left is None else str(slot.left),
-            slot.words,
         )
         for slot in slots
     ]
-    notes = [f"this is {own.takes}"] if own.takes else []
+    notes = [f"{slot.name}: {slot.words}" for slot in slots]  # a column of them would be cut on 80 columns
+    notes += [f"this is {own.takes}"] if own.takes else []
     notes += [] if slots else ["an update is being installed: slots are shown after its end"]
     notes.append(_last(last))
-    table = Table("slots", ("slot", "", "", "version", "installed", ">tries", "state"), rows, notes)
+    table = Table("slots", ("slot", "", "", "version", "installed", ">tries"), rows, notes)
     print("\n".join(lines_for(table, sys.stdout)), flush=True)
 
 

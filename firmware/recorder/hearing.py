@@ -9,6 +9,7 @@ import zmq
 
 from board.runtime.errors import StationError
 from firmware.client import client
+from firmware.printable import folded
 from firmware.recorder.reported_frame import ReportedFrame, parse
 
 TURN_S = 0.2  # seconds between calls of idle() while no frame comes
@@ -135,4 +136,4 @@ class Hearing:
 
 def say(text: str) -> None:
     """Print a note to standard error at once, unbuffered: other programs wait for it."""
-    print(f"captain: {text}", file=sys.stderr, flush=True)
+    print(folded(f"captain: {text}", sys.stderr), file=sys.stderr, flush=True)

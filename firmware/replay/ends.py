@@ -248,6 +248,17 @@ def station_lines(end: StationEnd) -> Iterator[str]:
         yield f"not sent: {times}: {why} (first {end.firsts[why]})"
 
 
+def unsent(end: End) -> StationError | None:
+    """Return the first reason why an end did not send or deliver a message; None if it did or if this is unknown."""
+    if isinstance(end, StationEnd) and not end.is_good:
+        for why, where in end.firsts.items():
+            return StationError(f"{where}: {why}")
+        return StationError("the station did not confirm every message as sent")
+    if isinstance(end, Datagrams) and end.unheard:
+        return StationError(f"no receiver listened to {end.unheard} datagrams", "start the receiver first")
+    return None
+
+
 def raw_socket(device: str, ethertype: int) -> socket.socket:
     """Return a raw socket on a network device.
 

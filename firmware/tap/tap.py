@@ -12,6 +12,7 @@ from board.runtime.errors import RequestError
 from drivers.reason import Reason
 from drivers.wire.v2n.message import Delivery, RefusedError
 from drivers.wire.v2n.profile import Profile
+from firmware.printable import folded
 from firmware.tap.connection import Connection
 from firmware.tap.counts import Counts, Taken
 from firmware.tap.recording import Recording
@@ -128,4 +129,4 @@ def run(connection: Connection, tap: Tap, idle: Callable[[], None]) -> int:
 
 def say(line: str) -> None:
     """Print one line on standard error, separate from messages on standard output."""
-    print(line, file=sys.stderr, flush=True)
+    print(folded(line, sys.stderr), file=sys.stderr, flush=True)

@@ -10,7 +10,7 @@ from firmware.client.sending.payload import Item, Payload
 from firmware.client.sending.sending import Sending
 from firmware.client.show.failures import TOLD, Failures
 from firmware.client.show.table import Table, lines_for
-from firmware.printable import clean, failure_record
+from firmware.printable import clean, failure_record, folded
 
 
 class Account:
@@ -43,7 +43,8 @@ class Account:
         if self._is_json:
             print(json.dumps(record(flight)), flush=True)
         elif not self.is_brief or self._is_new(flight):
-            print(clean(f"{flight.origin}: {_described(flight)}: {fate(flight)}"), flush=True)
+            line = clean(f"{flight.origin}: {_described(flight)}: {fate(flight)}")
+            print(folded(line, sys.stdout), flush=True)
 
     def all(self, outgoing: Sending) -> None:
         """Print the number of messages by outcome, and a table by interface with times in microseconds."""
@@ -58,6 +59,11 @@ class Account:
         stream = sys.stderr if self._is_json else sys.stdout
         rows = [_summed(flights, hop, count) for hop, count in sorted(flights.hops.items())]
         print("\n".join(lines_for(Table(title, SUMMED, rows, notes), stream)), file=stream, flush=True)
+
+    def unsent(self, outgoing: Sending) -> int:
+        """Return the number of messages that were invalid, or that no interface sent."""
+        sent = outgoing.count if outgoing.all_sent else outgoing.flights.outcomes["sent"]
+        return self.invalid + outgoing.count - sent
 
     def _is_new(self, flight: Flight) -> bool:
         """Whether to report an unsent message: at most three of each kind are. The table at the end counts all."""

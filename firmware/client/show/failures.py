@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from types import TracebackType
 
 from board.runtime.errors import StationError
-from firmware.printable import clean
+from firmware.printable import clean, folded
 
 TOLD = 3  # failures of each kind that are printed in full
 MOST_KINDS = 12  # limit of kinds: a malformed capture would produce nearly one per frame
@@ -82,4 +82,4 @@ class Failures:
 
 def _say(text: str) -> None:
     sys.stdout.flush()  # keeps standard output and standard error in order
-    print(f"captain: {text}", file=sys.stderr, flush=True)
+    print(folded(f"captain: {text}", sys.stderr), file=sys.stderr, flush=True)

@@ -125,7 +125,7 @@ def test_an_edition_that_does_not_exist_is_told_once(captain):
 def test_the_editions_can_be_listed(captain):
     assert captain("decode", "--list") == 0
     assert "5 messages" in captain.out
-    assert "ball-1.1  a standard         66     1, 2      3001" in captain.out
+    assert "ball-1.1         66     1, 2  3001  a standard\n" in captain.out
     assert captain("decode", "--list", "--json", "--edition", "bare") == 0
     assert captain.lines[0]["message_ids"] == []
 

@@ -115,7 +115,9 @@ def test_a_swarm_that_no_user_receives_is_told_and_fails(ear, monkeypatch, capsy
         assert cli.main([*command, "--json"]) == 1
         assert json.loads(capsys.readouterr().out)["is_received"] is False
         assert cli.main(command) == 1
-    assert "its users received none; look at `captain status`" in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert said.out.endswith("; its users received none\n")
+    assert said.err == "captain: no user of the station received a message\n  (look at `captain status`)\n"
 
 
 def test_a_swarm_without_a_station_says_what_to_start(block, capsys):
