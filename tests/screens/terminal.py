@@ -16,8 +16,17 @@ RENEW = "CAPTAIN_RENEW_SCREENS"
 HOW = f"look at the difference; if it is wanted: {RENEW}=1 .venv/bin/python -m pytest tests/screens, and commit"
 
 
-class Terminal(io.StringIO):
+class Terminal(io.TextIOWrapper):
     """A stream that commands take for a terminal."""
+
+    def __init__(self) -> None:
+        super().__init__(io.BytesIO(), "utf-8", write_through=True)
+
+    def getvalue(self) -> str:
+        """Return all that was written."""
+        written = self.buffer
+        assert isinstance(written, io.BytesIO)
+        return written.getvalue().decode()
 
     def isatty(self) -> bool:
         return True

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from firmware import cli
 from firmware.client.show.table import Screen
 from firmware.commands import doctor, lab, status
 from firmware.doctor.finding import Finding, Level
@@ -14,7 +15,7 @@ from tests.firmware.commands.test_board import BOARD, FAULT, POSITION, ROWS, SLO
 from tests.firmware.commands.test_gnss import RECEIVER
 from tests.firmware.commands.test_modem import MODEM
 from tests.firmware.commands.test_time import CLOCK, history
-from tests.screens.terminal import Terminal, compare
+from tests.screens.terminal import SCREENS, Terminal, compare
 
 NOW = 1795182430.0
 STARTING = {"state": "starting", "why": "identifying the receiver at USB place 1-1.1", "since_s": 0.4, "restarts": 0}
@@ -25,6 +26,11 @@ FULL_STATUS: dict[str, object] = STATUS | {
         "gnss": {"driver": "zed_f9p", "technology": "gnss", "received": {}, "sent": {}, "queue": QUEUE, **STARTING},
     }
 }
+
+
+@pytest.mark.parametrize("verb", cli.VERBS)
+def test_every_command_has_a_screen(verb: str) -> None:
+    assert any(path.stem == verb or path.stem.startswith(f"{verb}-") for path in SCREENS.iterdir())
 
 
 @pytest.mark.parametrize(
