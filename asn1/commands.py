@@ -62,9 +62,9 @@ def generate(args: argparse.Namespace) -> int:
     backend = BACKENDS[args.form]
     before = backend.parts(args.to)
     changed = write(schema, messages, args)
-    print(f"{args.to}: {_count(len(messages), 'message')} as {args.form}, {_count(changed, 'file')} changed")
+    print(f"{args.to}: {_count(len(messages), 'message')} in format {args.form}; {_count(changed, 'file')} changed")
     if gone := sorted(before - backend.parts(args.to)):
-        print(f"removed, because this call did not name them: {', '.join(gone)}")
+        print(f"removed messages that this command line did not name: {', '.join(gone)}")
     print(backend.next_step.format(folder=args.to))
     return 0
 
@@ -177,7 +177,7 @@ def check_import(args: argparse.Namespace) -> int:
         print(f"differs: {file}")
     if files:
         return 1
-    print(f"{_count(len(imported.modules), 'module')}: the same schema and the same codecs, octet for octet")
+    print(f"{_count(len(imported.modules), 'module')} imported: schema and codecs are equal to the committed ones")
     return 0
 
 

@@ -116,9 +116,7 @@ def _in_use(address: int, path: str, sys: Path) -> InterfaceError:
     driver = device / "driver"
     user = f"the kernel's driver {driver.resolve().name}" if driver.exists() else "the kernel"
     names = [sysfs.optional(found) for found in device.glob("hwmon/hwmon*/name")]
-    hint = (
-        f'give hwmon = "{names[0]}" in the board file' if names else "give the line its gpiochip, a sensor its hwmon,"
-    )
+    hint = f'give hwmon = "{names[0]}" in the board file' if names else "name the line's gpiochip or the sensor's hwmon"
     return InterfaceError(f"0x{address:02x} on {path} is in use by {user}", f"{hint} in place of bus and address")
 
 

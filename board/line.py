@@ -61,8 +61,8 @@ class OutputLine:
         if self._is_held(is_active) and self.is_active != is_active:
             words = ("inactive", "active")
             raise InterfaceError(
-                f"{self.where}: set {words[is_active]} and reads {words[not is_active]}",
-                "another part drives it, or it is shorted: measure it, and compare the board file with the circuit",
+                f"{self.where}: set {words[is_active]}, but reads {words[not is_active]}",
+                "another chip drives the line, or it is shorted: measure it; compare the board file with the circuit",
             )
 
     def close(self) -> None:

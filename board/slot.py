@@ -58,11 +58,11 @@ class SequencerState(StrEnum):
 class Event(StrEnum):
     """Event of a slot."""
 
-    POWER = "power is asked for"
-    CUT = "a cut is asked for"
-    CYCLE = "a power cycle is asked for"
-    READY = "power is asked for, and off_s is over"
-    SETTLED = "settle_s is over, and reset released"
+    POWER = "power-on requested"
+    CUT = "power-off requested"
+    CYCLE = "power cycle requested"
+    READY = "power-on requested, and off_s has passed since the last power-off"
+    SETTLED = "settle_s has passed since power-on; reset is released"
     SEEN = "its device is there"
     GONE = "its device is gone"
     LATE = "wait_s is over"
@@ -74,8 +74,8 @@ class Event(StrEnum):
 MEANS: dict[Kind | None, str] = {
     "power": "its power line",
     "hub_port": "its hub's port",
-    "authorize": "authorized: it keeps its power, and the kernel releases it",
-    None: "nothing: the board file has neither power, hub_port nor usb",
+    "authorize": "the USB attribute authorized: the kernel releases the device, which keeps its power",
+    None: "nothing: the board file has neither power, hub_port nor usb for the slot",
 }
 
 
@@ -226,7 +226,7 @@ class SlotSequencer:
     def apply_power(self) -> None:
         """Switch the power on, and release reset after settle_s."""
         if self._supply.was_cut and self._presence.find():
-            self.note = f"its device stayed present during the cut; switched by {MEANS[self._supply.means]}"
+            self.note = f"its device stayed present while the power was off; switched by {MEANS[self._supply.means]}"
         self._supply.on(self._unless_failed(lambda: self._after(self.description.settle_s, self._release)))
 
     def await_device(self) -> None:
@@ -235,7 +235,7 @@ class SlotSequencer:
         self._after(self.description.wait_s, self._late)
         self.device_changed()
         if not self._presence.is_known:
-            self.note = "its device counts as present: the board file has no USB place"
+            self.note = "the slot's device is assumed present: the board file gives no USB path for it"
             self._enqueue(Event.SEEN, "assumed")
 
     def accept_device(self) -> None:

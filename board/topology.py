@@ -62,7 +62,7 @@ def parse(text: str) -> Topology:
         )
     ports = tuple(map(int, found[2].split(".")))
     if len(ports) > MOST_LEVELS:
-        raise ConfigurationError(f"{text!r}: {len(ports)} ports in a row", f"USB has {MOST_LEVELS} at most")
+        raise ConfigurationError(f"{text!r}: {len(ports)} levels of ports", f"USB has {MOST_LEVELS} at most")
     if max(ports) > MOST_PORTS:
         raise ConfigurationError(f"{text!r}: port {max(ports)}", f"a hub has {MOST_PORTS} ports at most")
     return Topology(int(found[1]), ports)

@@ -164,7 +164,7 @@ def hub_port(machine: Machine, topology: str, on: bool) -> None:
 
 def _switch(path: Path, on: bool, what: str) -> None:
     if not path.exists():
-        raise InterfaceError(f"{what}: the kernel has no {path.name} for ports", "use Linux 6.0 or later")
+        raise InterfaceError(f"{what}: the kernel has no {path.name} for USB ports", "use Linux 6.0 or later")
     try:
         sysfs.switch(path, not on)
         is_on = sysfs.text(path) == "0"
@@ -177,8 +177,8 @@ def _switch(path: Path, on: bool, what: str) -> None:
 
 
 def _not_switched(what: str) -> InterfaceError:
-    hint = "set hub_port = false for the slot, which then uses `authorized`; see `lsusb -v` of the hub"
-    return InterfaceError(f"{what}: the hub does not switch its ports one by one", hint)
+    hint = "set hub_port = false for the slot; the station then uses `authorized`; see `lsusb -v` of the hub"
+    return InterfaceError(f"{what}: the hub cannot switch the power of a single port", hint)
 
 
 def _refused(what: str, error: OSError) -> InterfaceError:

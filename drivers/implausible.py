@@ -29,7 +29,7 @@ MEANING: dict[Implausible, str] = {
     Implausible.POSITION: "a latitude beyond 90 or a longitude beyond 180 degrees, of the sender or its area",
     Implausible.TIME: "timestamp more than 60 s ahead or more than 6360 s old, or a DENM time more than 60 s ahead",
     Implausible.SOURCE: "source MAC addresses of frame and GeoNetworking packet differ, and it was not forwarded",
-    Implausible.SEQUENCE: "two different packets of one source have one sequence number",
+    Implausible.SEQUENCE: "two different packets of the same source have the same sequence number",
     Implausible.OWN_ADDRESS: "another station uses the address of this one",
 }
 

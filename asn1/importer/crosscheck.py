@@ -30,7 +30,7 @@ def crosscheck(text: str, file: str, modules: Sequence[syntax.Module]) -> Proble
         import asn1tools  # type: ignore[import-untyped]  # only this comparison needs it
     except ImportError:
         raise MissingError(
-            "asn1tools is not installed, which reads every module once more: pip install asn1tools"
+            "asn1tools, a second parser that checks every module, is not installed: pip install asn1tools"
         ) from None
     for word, instead in _INSTEAD.items():
         text = re.sub(rf"\b{word}\b", instead, text)

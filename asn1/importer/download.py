@@ -53,7 +53,7 @@ def _lines(source: Path) -> list[tuple[Place, str, str]]:
             raise fault(place, "expected <path> <https address>")
         path = PurePosixPath(words[0])
         if path.is_absolute() or ".." in path.parts:
-            raise fault(place, f"{words[0]} leads out of the directory")
+            raise fault(place, f"{words[0]} is outside the download directory; use a relative path without ..")
         found.append((place, words[0], words[1]))
     return found
 

@@ -34,7 +34,7 @@ def _endless(layout: Layout) -> Iterator[LayoutError]:
         ending.update(more)
     for node in nodes:
         if node not in ending and node.recurs and node.is_defined:
-            reason = "it holds itself and has no end: make a component OPTIONAL or a list of it"
+            reason = "the type contains itself without end: make a recursive component OPTIONAL or a list"
             yield LayoutError(node.c_name, reason)
 
 

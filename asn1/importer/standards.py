@@ -173,7 +173,7 @@ def _present(
         if not modules:
             continue
         problems += [
-            Problem(other.place, f"{edition.name} is another text than {modules[0].place.file}")
+            Problem(other.place, f"{edition.name} differs from the module of the same name in {modules[0].place.file}")
             for other in modules[1:]
             if other.body != modules[0].body
         ]
@@ -283,7 +283,7 @@ def _with_imports(source: Source, found: Mapping[str, _Found]) -> Source:
 def _missing(editions: Editions, found: Mapping[str, _Found], directory: Path) -> list[Problem]:
     """Return a problem for each import from an edition whose files are missing."""
     return [
-        Problem(one.source.module.place, f"imports from {editions.modules[key].files[0]}, which is not there")
+        Problem(one.source.module.place, f"imports from {editions.modules[key].files[0]}; this file is missing")
         for one in found.values()
         for key in one.source.imports.values()
         if key not in found and not editions.modules[key].paths(directory)

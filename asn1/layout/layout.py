@@ -216,7 +216,7 @@ class _Builder:
                     node.rows[-1][1].is_entry = True
                 node.rows.sort(key=lambda row: row[0])
             case _:
-                raise TypeError(f"{node.c_name}: {type(type_).__name__} cannot be laid out")
+                raise TypeError(f"{node.c_name}: type {type(type_).__name__} has no memory layout")
         node.is_extensible = node.bounds.is_extensible and node.kind is not Kind.UTF8
 
     def fill_sequence(self, node: Node, type_: SequenceType, place: _Place) -> None:

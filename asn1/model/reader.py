@@ -28,7 +28,7 @@ def load(text: str, file: str = "schema") -> types.Module:
     key, _, name = header.get("module", "").partition(" ")
     missing = {"module", "standard", "source", "sha256"} - set(header)
     if missing:
-        raise TextError(f"{file}:1: no line {sorted(missing)[0]!r} above the first blank one")
+        raise TextError(f"{file}:1: line {sorted(missing)[0]!r} is missing from the header, above the first blank line")
     reader = _Reader(key)
     classes: dict[str, types.ObjectClass] = {}
     sets: dict[str, types.ObjectSet] = {}
@@ -64,7 +64,7 @@ def _tree(text: str, file: str) -> tuple[dict[str, str], list[_Line]]:
         else:
             depth, odd = divmod(len(line) - len(line.lstrip(" ")), 2)
             if odd or depth > len(open_lines):
-                raise TextError(f"{file}:{number}: this line is indented wrongly")
+                raise TextError(f"{file}:{number}: invalid indentation of this line; two blanks per level")
             node = _Line(number, line.strip(), [])
             (open_lines[depth - 1].below if depth else roots).append(node)
             open_lines[depth:] = [node]
@@ -99,7 +99,7 @@ class _Reader:
                 class_ = self._reference(words.next())
                 words.end()
                 return types.ObjectSet(name, class_, *self._rows(line.below))
-        raise ValueError(f"{kind!r} is neither type, class nor set")
+        raise ValueError(f"{kind!r} is not a kind of definition; use type, class or set")
 
     def _rows(self, lines: list[_Line]) -> tuple[tuple[types.ObjectRow, ...], bool]:
         rows: list[types.ObjectRow] = []
@@ -188,7 +188,7 @@ class _Reader:
         self.number = line.number
         match = _NAMED.fullmatch(line.text)
         if match is None or line.below:
-            raise ValueError(f"{line.text!r} is not name = number")
+            raise ValueError(f"{line.text!r} is not of the form: name = number")
         return types.Named(match[1], int(match[2]))
 
     def _structure(

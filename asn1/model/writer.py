@@ -55,7 +55,7 @@ class _Writer:
 
     def _inline(self, type_: types.Type) -> str:
         if self._below(type_, 0):
-            raise ValueError("a type inside CONTAINING that does not fit into a line: give it a name")
+            raise ValueError("the type inside CONTAINING is too complex for one line of a schema: give it a name")
         return self._head(type_)
 
     def _word(self, type_: types.Type) -> str:

@@ -109,7 +109,7 @@ def remove(name: str, folder: Path) -> list[Path]:
     for other in here.modules:
         needed = set(keys) & selection.neighbours(here, other)
         if other not in keys and needed:
-            raise WishError(f"{name}: {other}.schema takes types from {min(needed)}.schema; remove that message first")
+            raise WishError(f"{name}: {other}.schema uses types of {min(needed)}.schema; remove its message first")
     paths = [folder / f"{name}.toml", *(folder / f"{key}.schema" for key in keys)]
     for path in paths:
         path.unlink()
@@ -138,7 +138,7 @@ def _copies(modules: Sequence[Module], schema: Schema, name: str) -> list[str]:
         if one.oid and not imports.is_of_user(one)
     }
     return [
-        f"{one.source}: {one.name} has the name and identifier of {found}; this one is used by {name} alone"
+        f"{one.source}: {one.name} has the name and identifier of {found}; only {name} uses the one of your file"
         for one in modules
         if (found := standards.get((one.name, identifier.arcs(one.oid))))
     ]

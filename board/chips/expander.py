@@ -28,8 +28,8 @@ def set_level(bus: Transfer, address: int, pin: int, is_high: bool, open_drain: 
     if is_driven and level(bus, address, pin) != is_high:
         words = ("low", "high")
         raise InterfaceError(
-            f"pin {pin} of 0x{address:02x} on {bus.path}: set {words[is_high]} and reads {words[not is_high]}",
-            "another part drives it, or it is shorted: measure it, and compare the board file with the circuit",
+            f"pin {pin} of 0x{address:02x} on {bus.path}: set {words[is_high]}, but reads {words[not is_high]}",
+            "another chip drives the pin, or it is shorted: measure it, and compare the board file with the circuit",
         )
 
 
@@ -52,7 +52,7 @@ def _write(bus: Transfer, address: int, pair: int, pin: int, bit: bool) -> None:
     now = _octet(bus, address, register)
     if now != wanted:
         raise InterfaceError(
-            f"0x{address:02x} on {bus.path}: register {register} was set to 0x{wanted:02x} and reads 0x{now:02x}",
+            f"0x{address:02x} on {bus.path}: register {register} reads 0x{now:02x} after 0x{wanted:02x} was written",
             "check that it is a PCA9555, as in the board file",
         )
 

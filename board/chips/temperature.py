@@ -23,7 +23,7 @@ def read(bus: Transfer, address: int) -> float:
     if configuration & SHUTDOWN:
         woken = (configuration & ~SHUTDOWN).to_bytes(2, "big")
         bus.transfer(address, bytes([CONFIGURATION]) + woken, 0)
-        raise InterfaceError(f"0x{address:02x} on {bus.path} was shut down, and is woken", "read it again in 35 ms")
+        raise InterfaceError(f"0x{address:02x} on {bus.path} was in shutdown mode, and is started", "retry after 35 ms")
     return celsius(read_word(bus, address, TEMPERATURE), bool(configuration & EXTENDED))
 
 

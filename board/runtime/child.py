@@ -93,7 +93,7 @@ class Child:
             self.is_up = False
             self.loop.remove(self)
             self._deadline.cancel()
-            self._deadline = self.loop.after(GRACE_S, lambda: self._kill("closed its socket and did not exit"))
+            self._deadline = self.loop.after(GRACE_S, lambda: self._kill("closed its socket but did not exit in time"))
 
     def send(self, message: bytes) -> bool:
         """Send or queue a message; return False if the child does not run or the queue is full."""
@@ -119,7 +119,7 @@ class Child:
         """Close the socket, which ends the child; kill it after GRACE_S. Its further messages are discarded."""
         self._is_left = True
         self._close()
-        self._deadline = self.loop.after(GRACE_S, lambda: self._kill("was stopped and did not exit"))
+        self._deadline = self.loop.after(GRACE_S, lambda: self._kill("did not exit in time after it was told to stop"))
 
     def finish(self, within: float) -> None:
         """Call leave(), then wait for the end; kill the child after `within` seconds."""

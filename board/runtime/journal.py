@@ -54,5 +54,5 @@ class Journal:
             return
         left_out, account.left_out = account.left_out, 0
         account.paid_until = max(now, account.paid_until) + every_s
-        more = f" ({left_out} {'line' if left_out == 1 else 'lines'} before it left out)" if left_out else ""
+        more = f" ({left_out} {'line' if left_out == 1 else 'lines'} omitted before this one)" if left_out else ""
         self._log.log(level, "%s: %s%s", self._name, text, more)

@@ -78,7 +78,7 @@ def read(path: Path, most: int) -> bytes | None:
     except OSError as error:
         raise refused(path, "read", error) from error
     if len(octets) > most:
-        raise StorageError(f"{path}: longer than {most} octets", "the station did not write it: remove it")
+        raise StorageError(f"{path}: longer than {most} octets", "the station never writes such a long file: remove it")
     return octets
 
 

@@ -55,7 +55,7 @@ def read_list(path: str) -> LeapList:
         elif line and not line.startswith("#"):
             row = _ROW.fullmatch(line)
             if row is None:
-                raise _wrong(path, number, f"neither a comment nor a leap second: {line[:60]!r}")
+                raise _wrong(path, number, f"the line is neither a comment nor a leap second: {line[:60]!r}")
             rows.append((int(row[1]) - NTP_EPOCH, int(row[2])))
             hashed.update((row[1] + row[2]).encode())
     expires = _expires(path, stamps, hashed.hexdigest())
@@ -96,7 +96,7 @@ def _expires(path: str, stamps: dict[str, str], digest: str) -> int:
     if said != digest:
         raise ConfigurationError(f"{path}: SHA-1 mismatch: {digest}, expected {said}", HINT)
     if int(stamps[EXPIRES]) <= int(stamps[UPDATED]):
-        raise ConfigurationError(f"{path}: it expires before its creation", HINT)
+        raise ConfigurationError(f"{path}: the list's date of expiry is before its date of update", HINT)
     return int(stamps[EXPIRES]) - NTP_EPOCH
 
 
@@ -113,9 +113,9 @@ def _changes(path: str, rows: list[tuple[int, int]], expires: int) -> tuple[tupl
         before = (midnight, tai)
     then = [tai for midnight, tai in rows if midnight <= EPOCH]
     if then[-1:] != [TAI_LEAD - EPOCH]:
-        raise ConfigurationError(f"{path}: it does not have the {TAI_LEAD - EPOCH} s of 2004", HINT)
+        raise ConfigurationError(f"{path}: TAI - UTC in 2004 is not {TAI_LEAD - EPOCH} s, as it must be", HINT)
     if before is not None and before[0] > expires:
-        raise ConfigurationError(f"{path}: it expires before its last leap second, on {day(expires)}", HINT)
+        raise ConfigurationError(f"{path}: the list expires before its own last leap second, on {day(expires)}", HINT)
     return tuple(changes)
 
 

@@ -82,7 +82,7 @@ class Bringup:
             self._failed(
                 InterfaceError(
                     f"{self._port.path}: no u-blox receiver answers{rates}",
-                    'one that speaks NMEA alone needs kind = "nmea"',
+                    'a receiver that only speaks NMEA needs kind = "nmea"',
                 )
             )
 

@@ -84,7 +84,7 @@ class BusLine:
             for frame in early:
                 self.write(frame)
         else:
-            self._broken(InterfaceError(f"{self.path}: the process that reads it has ended: {why}"))
+            self._broken(InterfaceError(f"{self.path}: the child process that reads the receiver has ended: {why}"))
 
 
 def serve(channel: socket.socket) -> None:

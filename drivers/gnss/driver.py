@@ -63,5 +63,5 @@ class ZedF9p:
             raise RequestError(f"unknown command of a receiver: {do!r}", "use status or reset")
         kind = str(arguments.get("kind", "hot"))
         self._last.receiver.reset(kind)
-        log.info("%s: %s reset, asked for by an operator", self._last.host.name, kind)
+        log.info("%s: an operator requested a %s reset of the receiver", self._last.host.name, kind)
         return {"reset": kind}

@@ -69,21 +69,21 @@ class GnssOptions:
             self.surveyed()
             return
         if sum(map(bool, (self.usb, self.port, self.i2c))) != 1:
-            raise ConfigurationError("a receiver has one of usb, port and i2c", "give exactly one of them")
+            raise ConfigurationError("a receiver needs one of usb, port and i2c", "give exactly one of them")
         for name in ("corrections", "i2c"):
             if getattr(self, name) and self.kind != "ubx":
-                raise ConfigurationError(f"{name}: only for kind ubx, not {self.kind}", "leave it out")
+                raise ConfigurationError(f'{name}: needs kind = "ubx", not "{self.kind}"', "leave it out")
         scheme, is_url, _ = self.corrections.partition("://")
         if is_url and f"{scheme}://" != TCP:
-            what = f'corrections: "{scheme}://" is not read'  # without the rest, which may contain a password
-            raise ConfigurationError(what, f"{TCP}HOST:PORT, or the path of a file; NTRIP needs a program of its own")
+            what = f'corrections: "{scheme}://" is unsupported'  # without the rest, which may contain a password
+            raise ConfigurationError(what, f"{TCP}HOST:PORT, or the path of a file; NTRIP needs another program")
         if self.corrections.startswith(TCP):
             address(self.corrections.removeprefix(TCP))
 
     def surveyed(self) -> tuple[float, float]:
         """Return latitude and longitude of `static` in degrees. Raises ConfigurationError if one is missing."""
         if self.latitude is None or self.longitude is None:
-            raise ConfigurationError("a static position has no latitude and longitude", "give both, in degrees")
+            raise ConfigurationError('kind = "static": no latitude and longitude', "give both, in degrees")
         return self.latitude, self.longitude
 
     @property

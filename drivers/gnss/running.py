@@ -136,7 +136,7 @@ class RunningReceiver:
             kilometres = self._jumps.metres / 1000
             self._journal.say(
                 logging.WARNING,
-                f"the position jumped by {kilometres:.1f} km; not passed on before {Jumps.CONFIRMED} epochs agree",
+                f"the position jumped by {kilometres:.1f} km; ignored until {Jumps.CONFIRMED} epochs agree on it",
             )
         return is_believed
 

@@ -116,7 +116,7 @@ class UbxReceiver:
         if self._in_vain == IN_VAIN:
             self._above.failed(self._without_epochs(self._port.path))
             return
-        self._above.host.link(False, f"{self._port.path}: no epoch for {SILENT_S:.0f} s; bringing it up anew")
+        self._above.host.link(False, f"{self._port.path}: no epoch for {SILENT_S:.0f} s; configuring it again")
         try:
             self._bring_up()
         except InterfaceError as error:
@@ -169,11 +169,11 @@ class UbxReceiver:
         self._above.configured(f"{version.module or 'u-blox receiver'} {version.firmware} at {self._port.path}")
 
     def _without_epochs(self, path: str) -> InterfaceError:
-        text = f"{path}: the receiver was brought up {IN_VAIN} times and sends no epochs"
+        text = f"{path}: the receiver was configured {IN_VAIN} times and still sends no epochs"
         if self._options.i2c:
             return InterfaceError(text)
         own = self._options.own_port
-        return InterfaceError(text, f"set receiver_port to the port of the receiver that is connected; it is {own} now")
+        return InterfaceError(text, f"set receiver_port to the receiver's port that is connected; it is {own} now")
 
     def _received(self, octets: bytes) -> None:
         now = self._loop.clock()

@@ -22,7 +22,7 @@ IN_FLIGHT = 20  # most unacknowledged publications
 OTHERS = 0o077  # permission bits of group and others, which a secret file must not have
 
 # Reason why a character is forbidden in a name.
-_WILDCARD = "nothing can be published to a wildcard"
+_WILDCARD = "MQTT does not allow wildcards in topics of published messages"
 _BEFORE_PORT = "payloads have (port) behind it"
 _WHY_NOT = {"+": _WILDCARD, "#": _WILDCARD, "/": "it is one level of a topic", "(": _BEFORE_PORT, ")": _BEFORE_PORT}
 
@@ -105,7 +105,7 @@ class MqttOptions:
         if there.has_tls:
             return
         if not (there.is_loopback or self.plaintext):
-            hint = "write mqtts://, or plaintext = true where everybody on the way may read and change messages"
+            hint = "write mqtts://, or plaintext = true if anyone on the network may read and change the messages"
             raise ConfigurationError(f'url: "{self.url}" without TLS to another machine', hint)
         for name in ("ca", "certificate", "key"):
             if getattr(self, name):
@@ -129,7 +129,7 @@ class MqttOptions:
 
     def _check_depths(self) -> None:
         if self.depths and (len(self.depths) != 2 or self.depths[0] > self.depths[1]):
-            raise ConfigurationError(f"depths: {list(self.depths)} is not the least and the most", "write [14, 18]")
+            raise ConfigurationError(f"depths: {list(self.depths)} is not a minimum and a maximum", "write [14, 18]")
 
     def files(self) -> Iterator[tuple[str, str, bool]]:
         """Yield each file that the options name: option, path, and True if only its owner may read it."""
@@ -162,7 +162,7 @@ def check_file(name: str, path: str, is_secret: bool) -> None:
     try:
         mode = os.stat(path).st_mode
     except OSError as error:
-        hint = f"correct option {name}, or put the file there"
+        hint = f"correct option {name}, or put the file at this path"
         raise BlockedError(f"{name} {path}: {error.strerror}", hint) from error
     if not stat.S_ISREG(mode):
         raise BlockedError(f"{name} {path}: not a regular file", f"correct option {name}")

@@ -58,7 +58,7 @@ def check_editions(profile: str, editions: Sequence[str]) -> None:
 
 def _check_encodes(description: ProfileDescription, editions: Sequence[str]) -> None:
     if editions and not description.may_decode:
-        what = f"editions: profile {description.name} does not encode messages"
+        what = f"editions: option without effect: profile {description.name} never encodes messages"
         raise ConfigurationError(what, "remove the key, or choose a profile with JSON")
 
 
@@ -81,7 +81,7 @@ def codec(description: ProfileDescription, editions: Sequence[str] = ()) -> Code
     except ImportError as error:
         if not description.needs_codec:
             return None
-        what = f"profile {description.name} decodes, and the message library cannot be imported: {error}"
+        what = f"profile {description.name} decodes messages, but the message library cannot be imported: {error}"
         raise BlockedError(what, "`make codec` builds it") from error
     return MessageLibrary(captain_messages.all(), editions)
 

@@ -15,7 +15,7 @@ from drivers.wire.v2n import talk as wire
 # The uplink waits for a set clock: the validity of a broker's certificate is checked by the clock, and sent messages
 # contain its time.
 CLOCK_S = 1.0  # interval of the checks if the clock is set
-CLOCKLESS = "waits until the clock of this machine is set; `captain time` says how it is"
+CLOCKLESS = "waits until the clock of this machine is set; `captain time` shows its state"
 
 # Interval of reports of the own state to the process. Each change is reported, without a threshold, which would report
 # a slow vehicle too late at the edge of a tile.

@@ -41,7 +41,9 @@ def test_the_list_as_json_is_an_object_a_line(capsys: pytest.CaptureFixture[str]
 def test_generating_says_what_was_written_and_what_to_do_next(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert run("generate", "cam", "denm-1.3.1", "--format", "docs", "--to", tmp_path / "out") == 0
     said = capsys.readouterr()
-    assert said.out == f"{tmp_path}/out: 2 messages as docs, 3 files changed\nbegin with {tmp_path}/out/README.md\n"
+    assert (
+        said.out == f"{tmp_path}/out: 2 messages in format docs; 3 files changed\nbegin with {tmp_path}/out/README.md\n"
+    )
     assert said.err == "[1/2] cam-1.4.1\n[2/2] denm-1.3.1\n"
     assert run("generate", "cam", "denm-1.3.1", "--form", "docs", "--to", tmp_path / "out") == 0
     assert "0 files changed" in capsys.readouterr().out
@@ -118,7 +120,7 @@ def test_a_ros_package_that_is_not_asked_for_again_is_removed_and_named(
 ):
     for name in ("rawtx", "rawrx"):
         assert run("generate", name, "--format", "ros2", "--to", tmp_path / "src") == 0
-    assert "removed, because this call did not name them: captain_rawtx_1_msgs" in capsys.readouterr().out
+    assert "removed messages that this command line did not name: captain_rawtx_1_msgs" in capsys.readouterr().out
     assert sorted(path.name for path in (tmp_path / "src").iterdir() if path.is_dir()) == [
         "captain_rawrx_1_msgs",
         "captain_si",
@@ -176,7 +178,7 @@ def test_where_asn1tools_is_missing_the_remedy_is_said(tmp_path: Path):
     done = run_without_asn1tools("add", tmp_path / "my.asn", "--pdu", "Alarm", "--name", "my-alarm", "--id", 2,
                                  "--port", 2999, "--to", tmp_path / "own")  # fmt: skip
     assert done.returncode == 1
-    assert done.stderr.startswith("captain-asn1: asn1tools is not installed")
+    assert done.stderr.startswith("captain-asn1: asn1tools, a second parser that checks every module, is not installed")
     assert "pip install asn1tools" in done.stderr
     assert not (tmp_path / "own").exists()
 
@@ -200,7 +202,7 @@ def test_import_check_compares_the_codecs_where_the_schema_is_the_same(
     )
     monkeypatch.setattr("asn1.importer.standards.compare", lambda schema, folder: [])
     assert run("import-check", tmp_path) == 0
-    assert capsys.readouterr().out == "2 modules: the same schema and the same codecs, octet for octet\n"
+    assert capsys.readouterr().out == "2 modules imported: schema and codecs are equal to the committed ones\n"
 
 
 def test_a_reader_that_leaves_is_no_error():

@@ -91,7 +91,7 @@ def test_a_chip_keeps_its_state_when_the_worker_is_started_anew(calls, machine):
 
 def test_a_pin_that_is_shorted_is_said_and_answers_again_when_it_is_not(calls, world):
     world.force("slots", 3, True)
-    assert "set low and reads high" in ask(calls, "expander_set", line="modem", active=True)["error"]
+    assert "set low, but reads high" in ask(calls, "expander_set", line="modem", active=True)["error"]
     world.force("slots", 3, None)
     assert ask(calls, "expander_set", line="modem", active=True) == {"value": None}
 

@@ -95,7 +95,7 @@ def test_open_drain_drives_low_and_lets_go_for_high():
 def test_a_pin_that_does_not_follow_is_a_fault_with_both_levels():
     chip = Expander()
     chip.outside[5] = True
-    with pytest.raises(InterfaceError, match="pin 5 of 0x20 on /dev/i2c-1: set low and reads high") as caught:
+    with pytest.raises(InterfaceError, match="pin 5 of 0x20 on /dev/i2c-1: set low, but reads high") as caught:
         expander.set_level(bus_with(chip, 0x20), 0x20, 5, False)
     assert "shorted" in caught.value.hint
 
@@ -109,7 +109,7 @@ def test_a_level_is_read_past_an_inverted_polarity():
 
 
 def test_a_chip_that_does_not_keep_its_registers_is_said_to_be_another():
-    with pytest.raises(InterfaceError, match="register 2 was set to 0x01 and reads 0x00") as caught:
+    with pytest.raises(InterfaceError, match="register 2 reads 0x00 after 0x01 was written") as caught:
         expander.set_level(bus_with(Words({0: 0})), 0x40, 0, True)
     assert "PCA9555" in caught.value.hint
 
@@ -209,7 +209,7 @@ def test_a_simulated_sensor_is_read_within_its_resolution(celsius, is_extended):
 def test_a_sensor_that_sleeps_is_woken_and_its_old_value_not_told():
     chip = Tmp102()
     chip.registers[1] |= 1 << 8
-    with pytest.raises(InterfaceError, match="was shut down, and is woken"):
+    with pytest.raises(InterfaceError, match="was in shutdown mode, and is started"):
         temperature.read(bus_with(chip), 0x40)
     assert temperature.read(bus_with(chip), 0x40) == 25.0
 

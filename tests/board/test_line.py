@@ -90,7 +90,7 @@ def test_a_line_that_does_not_follow_is_a_fault_with_both_states(gpio, tmp_path)
     pi = gpio.add("gpiochip0", PI)
     one = OutputLine(line(), tmp_path)
     pi.outside[5] = False
-    with pytest.raises(InterfaceError, match="pinctrl-bcm2711, line 5: set active and reads inactive") as caught:
+    with pytest.raises(InterfaceError, match="pinctrl-bcm2711, line 5: set active, but reads inactive") as caught:
         one.set(True)
     assert "shorted" in caught.value.hint
 
@@ -102,7 +102,7 @@ def test_an_open_drain_line_that_another_holds_low_is_no_fault_and_one_that_is_h
     reset.set(False)
     assert reset.is_active
     pi.outside[5] = True
-    with pytest.raises(InterfaceError, match="set active and reads inactive"):
+    with pytest.raises(InterfaceError, match="set active, but reads inactive"):
         reset.set(True)
 
 

@@ -116,8 +116,8 @@ def test_the_time_line_says_when_and_why_each_state_began(bench):
     bench.plug()
     assert [(passage.state, passage.began_s - start, passage.why) for passage in bench.slot.timeline] == [
         (SequencerState.OFF, 0.0, "as it was found"),
-        (SequencerState.POWERED, 0.0, "power is asked for, and off_s is over"),
-        (SequencerState.RELEASED, 0.5, "settle_s is over, and reset released"),
+        (SequencerState.POWERED, 0.0, "power-on requested, and off_s has passed since the last power-off"),
+        (SequencerState.RELEASED, 0.5, "settle_s has passed since power-on; reset is released"),
         (SequencerState.PRESENT, 8.5, "1e0e:9001 (SimTech SDXPRAIRIE-MTP)"),
     ]
 
@@ -345,7 +345,7 @@ def test_a_device_that_stays_while_its_slot_is_cut_is_noted(bench):
     bring(bench, SequencerState.PRESENT)
     bench.slot.cycle()
     bench.until(SequencerState.PRESENT)
-    assert bench.slot.note == "its device stayed present during the cut; switched by its power line"
+    assert bench.slot.note == "its device stayed present while the power was off; switched by its power line"
     bench.found = None
     bench.slot.cycle()
     bench.until(SequencerState.RELEASED)
@@ -498,7 +498,7 @@ def test_a_device_without_a_known_place_is_taken_to_be_there_and_that_is_said(lo
     bench = Bench(loop, SlotDescription(power="gnss_power", settle_s=1.0))
     bench.slot.power()
     assert bench.until(SequencerState.PRESENT) == pytest.approx(1.0)
-    assert "has no USB place" in bench.slot.note
+    assert "the board file gives no USB path" in bench.slot.note
     bench.slot.device_changed()
     bench.loop.run_for(60.0)
     assert (bench.slot.state, bench.slot.device) == (SequencerState.PRESENT, None)

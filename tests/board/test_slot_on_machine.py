@@ -107,5 +107,5 @@ def test_a_hub_that_switches_nothing_is_a_fault_of_the_cut_with_a_remedy(bench, 
     monkeypatch.setattr(usb.sysfs, "switch", lambda path, is_on: None)
     bench.slot.cycle()
     assert bench.slot.state is SequencerState.FAULT
-    assert "does not switch its ports one by one" in bench.slot.cause.message
+    assert "cannot switch the power of a single port" in bench.slot.cause.message
     assert "hub_port = false" in bench.slot.cause.hint

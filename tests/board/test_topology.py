@@ -62,7 +62,7 @@ def test_what_is_no_place_is_refused(text):
 
 
 def test_more_hubs_or_ports_than_usb_has_are_refused():
-    with pytest.raises(ConfigurationError, match="7 ports in a row"):
+    with pytest.raises(ConfigurationError, match="7 levels of ports"):
         parse("1-1.1.1.1.1.1.1")
     with pytest.raises(ConfigurationError, match="port 32"):
         parse("1-1.32")

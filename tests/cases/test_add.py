@@ -63,7 +63,7 @@ def test_an_own_copy_of_a_standard_s_module_is_of_its_message_alone(tmp_path: Pa
     assert component(hello, "Hello", 0) == Reference(module="x1_hello", name="ItsPduHeader")
     assert added.imported == ()
     assert added.notes == (
-        "order-a.asn: ITS-Container has the name and identifier of ETSI TS 102 894-2 v1.3.1; this one is used by hello alone",
+        "order-a.asn: ITS-Container has the name and identifier of ETSI TS 102 894-2 v1.3.1; only hello uses the one of your file",
     )
     assert files(tmp_path, "world") == before
 

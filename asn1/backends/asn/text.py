@@ -58,7 +58,7 @@ class _ModuleText:
             *(self._definition(one) for one in self._module.definitions.values()),
         ]
         head = [
-            f"-- {self._module.standard}, written back from the schema",
+            f"-- {self._module.standard}, written from its schema by captain-asn1",
             f"{_title(self._module)} DEFINITIONS AUTOMATIC TAGS ::= BEGIN",
             *self._imports(),
         ]
@@ -123,7 +123,7 @@ class _ModuleText:
     def _sequence_of(self, type_: t.SequenceOf, level: int) -> str:
         constraints = self._constraints(type_)
         if len(constraints) > 1:
-            raise ValueError(f"a list without a name has one constraint in ASN.1, not {len(constraints)}")
+            raise ValueError(f"a list without a name has {len(constraints)} constraints; ASN.1 can write one")
         inside = "".join(f" ({one})" for one in constraints)
         return f"{'SET' if type_.is_set else 'SEQUENCE'}{inside} OF {self._type(type_.element, level, False)}"
 

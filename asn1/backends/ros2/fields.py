@@ -151,7 +151,7 @@ class Fields(ABC):
         """
         target = self.schema.resolve(type_).type
         if not isinstance(target, SequenceType):
-            raise RosError(f"{self.definition.name}: {type_.name} holds it and is not a SEQUENCE")
+            raise RosError(f"{self.definition.name}: type {type_.name} contains this type and is not a SEQUENCE")
         left = tuple(one for one in target.root if one.name not in _absent(type_))
         return self.sequence(replace(target, root=left), source, name)
 
@@ -162,7 +162,7 @@ def require_finite(package: RosPackage) -> None:
 
     def visit(message: RosMessage, above: tuple[str, ...]) -> None:
         if message.name in above:
-            raise RosError(f"{package.name}: {message.name} holds itself, which no .msg can say")
+            raise RosError(f"{package.name}: type {message.name} contains itself; a .msg file cannot be recursive")
         if message.name not in done:
             for part in package.parts(message):
                 visit(part, (*above, message.name))
@@ -178,7 +178,7 @@ def require_apart(package: RosPackage) -> None:
     for name in package.messages:
         other = files.setdefault(file_name(name), name)
         if other != name:
-            raise RosError(f"{package.name}: the files of {other} and {name} would be called alike")
+            raise RosError(f"{package.name}: the messages {other} and {name} would have the same file name")
 
 
 def joined(*words: str) -> str:

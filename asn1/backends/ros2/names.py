@@ -75,5 +75,5 @@ def integer_type(low: int | None, high: int | None) -> str:
     else:
         fitting = [name for name, count in _SIGNED if -count <= low and high < count]
     if not fitting:
-        raise RosError(f"no integer of ROS 2 holds {low}..{high}")
+        raise RosError(f"no integer type of ROS 2 has the range {low}..{high}")
     return fitting[0]

@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 PROFILES = {
-    "etsi_its": "as etsi_its_messages: its nodes, bags and displays take them",
-    "v2x_msgs": "as v2x_msgs of vehicleCAPTAIN",
+    "etsi_its": "as in etsi_its_messages, whose nodes, bags and displays accept them",
+    "v2x_msgs": "as in v2x_msgs of vehicleCAPTAIN",
 }
 DISTROS = ("jazzy", "humble", "kilted")
 

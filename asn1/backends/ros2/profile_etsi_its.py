@@ -86,7 +86,7 @@ def package(schema: Schema, edition: Message) -> RosPackage:
 def _require_same(message: RosMessage, definition: Definition) -> None:
     """Raise RosError for two different types with the same name."""
     if message.definition is not definition and message.definition != definition:
-        raise RosError(f"{message.name}: two types are called so, and they are not the same")
+        raise RosError(f"{message.name}: two different types have this name")
 
 
 def _subcauses(schema: Schema, edition: Message) -> Iterator[Reference]:

@@ -126,7 +126,7 @@ class _Names:
             if not self._is_free(name, definition):
                 name += type_name(reference.module.partition("_")[2]).upper()
             if not self._is_free(name, definition):
-                raise RosError(f"{name}: three types are called so")
+                raise RosError(f"{name}: three types have this name")
             self.known[key] = name
         return self.known[key]
 

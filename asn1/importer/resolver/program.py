@@ -143,7 +143,7 @@ class Program:
         """
         actuals = reference.actuals or ()
         if len(actuals) != len(assignment.formals):
-            text = f"{assignment.name} takes {len(assignment.formals)} parameters, {len(actuals)} are given"
+            text = f"{assignment.name} has {len(assignment.formals)} parameters; the reference gives {len(actuals)}"
             raise fault(reference.place, text, "X.683 9.6")
         bound = (self.actual(actual, scope) for actual in actuals)
         return Scope(key, {formal.name: one for formal, one in zip(assignment.formals, bound, strict=True)})

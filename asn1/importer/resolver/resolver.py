@@ -102,7 +102,7 @@ class Resolver:
             self._wanted[key, name] = wanted
             self._open.append((key, name))
         elif known.assignment is not wanted.assignment or known.actuals != wanted.actuals:
-            raise fault(wanted.assignment.place, f"two definitions would be called {name}")
+            raise fault(wanted.assignment.place, f"two definitions would have the same name, {name}")
         return types.Reference(module=key, name=name)
 
     def _define(self, key: str, name: str) -> None:
@@ -315,10 +315,10 @@ def _selected(
             if isinstance(one.type, types.OpenType):
                 beside = fields.get(one.type.selector)
                 if not isinstance(beside, types.ClassField) or beside.set_ != one.type.set_:
-                    text = f"{one.name}: {one.type.selector} is not a field of the same class and set"
+                    text = f"{one.name}: {one.type.selector} has no field of the same class and object set"
                     raise fault(place, text, "X.682 10.8")
                 if one.type.selector not in known:
-                    text = f"{one.name}: {one.type.selector}, its identifier, may be absent or comes after it"
+                    text = f"{one.name}: {one.type.selector}, which selects its type, is OPTIONAL or comes after it"
                     raise fault(place, text, "X.682 10.8")
             if not one.is_optional and one.default is None:
                 known.add(one.name)

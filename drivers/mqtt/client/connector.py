@@ -49,7 +49,7 @@ class Connector:
         self._is_abandoned = False
         self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         if Connector._hanging >= MOST_HANGING:
-            self._end(None, f"{MOST_HANGING} look-ups of its name hang; check the name server")
+            self._end(None, f"{MOST_HANGING} look-ups of the broker's name have no answer yet; check the name server")
         else:
             Thread(target=self._run, daemon=True).start()
 
@@ -161,7 +161,7 @@ def _bind(made: socket.socket, device: str) -> None:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, device.encode())
     except PermissionError as error:
         hint = "give the station CAP_NET_RAW: AmbientCapabilities= of its service"
-        raise InterfaceError(f"this user may not bind a connection to {device}", hint) from error
+        raise InterfaceError(f"the station's user may not bind connections to network device {device}", hint) from error
     except OSError as error:
         raise InterfaceError(f"device {device}: {error.strerror}", "`ip -brief link` lists them") from error
 

@@ -95,8 +95,8 @@ def _refused(certificate: str, key: str, reason: str) -> InterfaceError:
         return InterfaceError(f"key {key}: is not the key of certificate {certificate}", hint)
     if reason:
         words = reason.replace("_", " ").lower()
-        hint = "have another one made, of a longer key and a newer hash"
-        return InterfaceError(f"certificate {certificate}: is not taken by TLS here: {words}", hint)
+        hint = "get a new certificate with a longer key and a newer hash"
+        return InterfaceError(f"certificate {certificate}: this machine's TLS library refuses it: {words}", hint)
     try:
         ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_verify_locations(certificate)
     except ssl.SSLError:
@@ -112,13 +112,13 @@ def _not_pem(name: str, path: str) -> InterfaceError:
     octets = _octets(path)
     if octets[:1] == b"\x30" and not octets.isascii():  # tag of a SEQUENCE (X.690), with which DER content starts
         pem = f"{os.path.splitext(path)[0]}.pem"
-        hint = f"PEM form is wanted: openssl {command} -inform DER -in {path} -out {pem}"
+        hint = f"convert it to PEM: openssl {command} -inform DER -in {path} -out {pem}"
         return InterfaceError(f"{name} {path}: is in DER form", hint)
     if _UTF_16 in octets:
         return InterfaceError(f"{name} {path}: is UTF-16", "save it as UTF-8")
     if _BEGIN[what].search(octets):
         return InterfaceError(f"{name} {path}: is truncated or damaged", "copy it again")
-    return InterfaceError(f"{name} {path}: holds no {what} in PEM form", f"name a file with {begin} in it")
+    return InterfaceError(f"{name} {path}: contains no {what} in PEM form", f"name a file that contains {begin}")
 
 
 def _octets(path: str) -> bytes:

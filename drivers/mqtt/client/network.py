@@ -271,7 +271,7 @@ class Network:
             for name, code in zip(self._asked, codes, strict=False)
             if code.is_failure
         }
-        refused |= dict.fromkeys(self._asked[len(codes) :], "its SUBACK says nothing of it")
+        refused |= dict.fromkeys(self._asked[len(codes) :], "the broker's SUBACK has no reason code for this topic")
         self._events.append(lambda user, now: user.subscribed(refused, now))
 
     def _on_unsubscribe(self, *_: Any) -> None:

@@ -134,7 +134,7 @@ def _properties(kind: int) -> Properties:
 def check_version(packet: bytes) -> None:
     """Check a CONNACK. Raises ProtocolError if it refuses the MQTT version: paho would then try an older one."""
     if len(packet) == 4 and packet[0] >> 4 == CONNACK and packet[3] == UNACCEPTABLE_VERSION:
-        hint = 'set version = "3.1.1" in place of 5, or the other way round'
+        hint = 'set option version to the other one of "3.1.1" and "5"'
         raise ProtocolError("refuses the connection: Unsupported protocol version", hint)
 
 

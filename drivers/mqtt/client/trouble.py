@@ -30,11 +30,11 @@ _ALERTS = {
     "SSLV3_ALERT_CERTIFICATE_REVOKED": "refuses the certificate of this client: it is revoked; take another one",
     "SSLV3_ALERT_CERTIFICATE_UNKNOWN": "refuses the certificate of this client; take another one",
     "SSLV3_ALERT_BAD_CERTIFICATE": "refuses the certificate of this client: it is damaged; take another one",
-    "SSLV3_ALERT_UNSUPPORTED_CERTIFICATE": "refuses the certificate of this client: its kind; take another one",
+    "SSLV3_ALERT_UNSUPPORTED_CERTIFICATE": "refuses the certificate of this client: unsupported kind; take another one",
     "TLSV1_ALERT_ACCESS_DENIED": "refuses the certificate of this client: it may not connect; ask who runs the broker",
-    "TLSV1_ALERT_DECRYPT_ERROR": "refuses the certificate of this client: its signature; take another one",
+    "TLSV1_ALERT_DECRYPT_ERROR": "refuses the certificate of this client: invalid signature; take another one",
 }
-_OLD = "speaks no TLS of version 1.2 or later; the broker needs a newer one"
+_OLD = "does not support TLS 1.2 or later; the broker needs a newer TLS library"
 _OLD_VERSION = frozenset(
     ("TLSV1_ALERT_PROTOCOL_VERSION", "UNSUPPORTED_PROTOCOL", "WRONG_SSL_VERSION", "UNKNOWN_PROTOCOL", "VERSION_TOO_LOW")
 )
@@ -79,7 +79,7 @@ _REMEDIES = {
     "Not authorized": "ask who runs the broker what this client may do",
     "Session taken over": "another client has the same client_id: set another one here or there",
     "Banned": "ask who runs the broker",
-    "Quota exceeded": "the broker has enough of this client",
+    "Quota exceeded": "this client has exceeded a quota of the broker",
     "Packet too large": "the broker takes shorter messages",
 }
 
@@ -125,7 +125,7 @@ def soon(words: str) -> str:
     """
     if words != _CLOSED:
         return words
-    return f"{words} soon after CONNACK: it was stopped, or another client has the same client_id; its log says which"
+    return f"{words} soon after CONNACK: the broker stopped, or another client has the same client_id; see its log"
 
 
 def early(words: str, settings: MqttOptions) -> str:
@@ -136,10 +136,10 @@ def early(words: str, settings: MqttOptions) -> str:
     if words != _CLOSED:
         return words
     if not broker(settings.url).has_tls:
-        return f"{words} before CONNACK; if it wants TLS, write mqtts:// in url"
+        return f"{words} before CONNACK; if the broker needs TLS, write mqtts:// in url"
     if not settings.certificate:
-        return f"{words} before CONNACK; if it {_NO_CERTIFICATE}"
-    return f"{words} before CONNACK; its log may say why"
+        return f"{words} before CONNACK; if the broker {_NO_CERTIFICATE}"
+    return f"{words} before CONNACK; the broker's log may say why"
 
 
 def _of_tls(error: ssl.SSLError, is_handshake: bool) -> str:
@@ -149,7 +149,7 @@ def _of_tls(error: ssl.SSLError, is_handshake: bool) -> str:
     if reason in _OLD_VERSION:
         return _OLD
     if reason == "SSLV3_ALERT_HANDSHAKE_FAILURE":
-        return f"refuses the TLS handshake; if it {_NO_CERTIFICATE}"
+        return f"refuses the TLS handshake; if the broker {_NO_CERTIFICATE}"
     if is_handshake and reason in _NOT_TLS:
         return _PLAIN
     if isinstance(error, ssl.SSLEOFError | ssl.SSLZeroReturnError) or reason == "UNEXPECTED_EOF_WHILE_READING":

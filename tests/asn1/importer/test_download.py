@@ -46,8 +46,8 @@ def test_every_address_that_fails_is_told_with_its_line(tmp_path: Path) -> None:
         ("a.asn", "expected <path> <https address>"),
         ("a.asn http://a.example/a", "expected <path> <https address>"),
         ("a.asn file:///etc/passwd", "expected <path> <https address>"),
-        ("../a.asn https://a.example/a", "../a.asn leads out of the directory"),
-        ("/a.asn https://a.example/a", "/a.asn leads out of the directory"),
+        ("../a.asn https://a.example/a", "../a.asn is outside the download directory; use a relative path without .."),
+        ("/a.asn https://a.example/a", "/a.asn is outside the download directory; use a relative path without .."),
     ],
 )
 def test_a_line_that_is_none_is_refused(tmp_path: Path, line: str, problem: str) -> None:

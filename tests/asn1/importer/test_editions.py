@@ -119,7 +119,7 @@ def test_a_module_is_known_by_its_file_hash_and_object_identifier(folder: Path) 
 
 def test_copies_that_say_something_else_are_refused(folder: Path) -> None:
     (folder / "two/Data.asn").write_text(DATA.replace("7", "8"))
-    assert refused(folder) == ["two/Data.asn:1: Data is another text than one/Data.asn"]
+    assert refused(folder) == ["two/Data.asn:1: Data differs from the module of the same name in one/Data.asn"]
 
 
 def test_an_edition_whose_files_are_not_there_is_left_out(folder: Path) -> None:
@@ -130,7 +130,7 @@ def test_an_edition_whose_files_are_not_there_is_left_out(folder: Path) -> None:
 def test_an_import_from_an_edition_that_is_not_there_is_refused(folder: Path) -> None:
     (folder / "one/Data.asn").unlink()
     (folder / "two/Data.asn").unlink()
-    assert refused(folder) == ["one/Msg.asn:1: imports from one/Data.asn, which is not there"]
+    assert refused(folder) == ["one/Msg.asn:1: imports from one/Data.asn; this file is missing"]
 
 
 def test_a_file_without_its_module_is_refused(folder: Path) -> None:

@@ -80,7 +80,7 @@ def test_a_set_of_another_module_is_found_by_who_names_it() -> None:
 
 def test_a_template_with_too_few_parameters_is_refused() -> None:
     text = module("A ::= T { NULL }\nT { X, Y } ::= SEQUENCE { x X, y Y }")
-    assert problems(text) == ["m.asn:2: T takes 2 parameters, 1 are given (X.683 9.6)"]
+    assert problems(text) == ["m.asn:2: T has 2 parameters; the reference gives 1 (X.683 9.6)"]
 
 
 def test_two_rows_with_one_identifier_are_refused() -> None:

@@ -88,13 +88,17 @@ def test_messages_of_a_folder_of_its_own_are_found(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("before", "after", "problem"),
     [
-        ("sha256 00", "", "x.schema:1: no line 'sha256' above the first blank one"),
-        ("  a: B optional", "   a: B optional", "x.schema:13: this line is indented wrongly"),
+        ("sha256 00", "", "x.schema:1: line 'sha256' is missing from the header, above the first blank line"),
+        ("  a: B optional", "   a: B optional", "x.schema:13: invalid indentation of this line; two blanks per level"),
         ("  a: B optional", "  a: B optionally", "x.schema:13: 'optionally' is too much"),
         ("  a: B optional", "  a: b", "x.schema:13: unknown type 'b'"),
         ("type Id: integer (0..255)", "type Id: integer (0..255", "x.schema:11: expected ')', found ''"),
-        ("type Id: integer", "kind Id: integer", "x.schema:11: 'kind' is neither type, class nor set"),
-        ("    three = 3", "    three", "x.schema:15: 'three' is not name = number"),
+        (
+            "type Id: integer",
+            "kind Id: integer",
+            "x.schema:11: 'kind' is not a kind of definition; use type, class or set",
+        ),
+        ("    three = 3", "    three", "x.schema:15: 'three' is not of the form: name = number"),
         ("(0..255)", "(0..~)", "x.schema:11: '~)' is not a word of a schema"),
         ("(size (7))", "(sizes (7))", "x.schema:24: 'sizes' begins no constraint"),
     ],

@@ -48,8 +48,8 @@ def test_the_next_line_says_how_many_were_left_out(caplog: pytest.LogCaptureFixt
     bench.say()
     assert caplog.messages == [
         "gnss: it jumped",
-        "gnss: it jumped (59 lines before it left out)",
-        "gnss: it jumped (1 line before it left out)",
+        "gnss: it jumped (59 lines omitted before this one)",
+        "gnss: it jumped (1 line omitted before this one)",
         "gnss: it jumped",
     ]
 

@@ -238,7 +238,7 @@ def test_stopped_at_any_moment_it_leaves_nothing_behind(make_receiver, loop):
         ({"usb": "1-1.1", "port": "/dev/ttyACM0"}, "one of usb, port and i2c"),
         ({"kind": "static"}, "no latitude"),
         ({"port": "/dev/ttyACM0", "corrections": "tcp://caster.example:2101"}, "invalid IPv4 address"),
-        ({"port": "/dev/ttyACM0", "kind": "nmea", "corrections": "/tmp/x"}, "corrections: only for kind ubx"),
+        ({"port": "/dev/ttyACM0", "kind": "nmea", "corrections": "/tmp/x"}, 'corrections: needs kind = "ubx"'),
     ],
 )
 def test_options_that_contradict_each_other_are_explained(options, what):

@@ -219,7 +219,7 @@ def test_one_that_acknowledges_everything_and_sends_no_epochs_is_never_up_and_so
     one = make_receiver(receiver_port="uart2").start()  # it is at its USB port
     loop.run_until(lambda: one.host.failures, within=20)
     assert not any(is_up for is_up, _ in one.host.links)
-    assert "was brought up 3 times and sends no epochs" in one.host.failures[0].message
+    assert "was configured 3 times and still sends no epochs" in one.host.failures[0].message
     assert one.host.failures[0].hint.startswith("set receiver_port to")
     assert "it is uart2 now" in one.host.failures[0].hint
     loop.run_for(20)

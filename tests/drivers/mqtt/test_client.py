@@ -254,7 +254,7 @@ def test_tls_that_fails_is_named_with_what_to_do(brokers, certificates, start, c
 def test_a_broker_of_old_tls_is_named(certificates, start):
     with Listener(silent, old_tls(certificates.authority, certificates.server)) as listener:
         station = start(secured(f"mqtts://localhost:{listener.port}", certificates.authority, certificates.client))
-        station.down(f"localhost:{listener.port}", "no TLS of version 1.2 or later")
+        station.down(f"localhost:{listener.port}", "does not support TLS 1.2 or later")
 
 
 def test_a_port_without_tls_is_named(broker, certificates, start):

@@ -59,7 +59,7 @@ def test_a_name_server_that_hangs_stops_nothing_and_few_threads_wait_for_it(monk
         station.send(1, lifetime=0.2)
         station.until(lambda: station.sent)
         assert station.sent[1][0] is Reason.EXPIRED
-        station.down(f"{MOST_HANGING} look-ups of its name hang")
+        station.down(f"{MOST_HANGING} look-ups of the broker's name have no answer yet")
         waiting = set(threading.enumerate()) - before - {station._thread}
         assert len(waiting) <= MOST_HANGING
     finally:

@@ -86,7 +86,7 @@ def test_a_refused_message_failed_in_the_brokers_words(start):
         station.until(lambda: station.sent)
         assert station.sent[1] == (
             Reason.SEND_FAILED,
-            f"mqtt://127.0.0.1:{broker.port}: refuses it: Quota exceeded; the broker has enough of this client",
+            f"mqtt://127.0.0.1:{broker.port}: refuses it: Quota exceeded; this client has exceeded a quota of the broker",
         )
         assert station.is_up
 

@@ -25,7 +25,7 @@ __all__ = ["start", "turns"]
 def test_one_that_closes_each_connection_is_asked_ever_less(start, after_s):
     with Listener(closing_after(after_s)) as listener:
         station = start(listener.port, first_delay_s=0.05, longest_delay_s=30.0)
-        station.down("before CONNACK; if it wants TLS, write mqtts:// in url")
+        station.down("before CONNACK; if the broker needs TLS, write mqtts:// in url")
         end = time.monotonic() + 1.0
         while (left := end - time.monotonic()) > 0:
             station.read(left)
@@ -41,7 +41,7 @@ def test_one_that_closes_after_its_connack_has_stopped_or_knows_another_client_o
 
     with Listener(moment) as listener:
         words = start(listener.port).down("soon after CONNACK")
-    assert words.endswith("it was stopped, or another client has the same client_id; its log says which")
+    assert words.endswith("the broker stopped, or another client has the same client_id; see its log")
 
 
 def test_one_that_ends_each_session_after_a_moment_is_asked_ever_less(start):

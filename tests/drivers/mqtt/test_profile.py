@@ -212,7 +212,7 @@ def test_an_edition_of_captain_toml_that_does_not_fit_decides_nothing():
     [
         ("nap", "cpm-2.1.1-x", "editions: unknown edition 'cpm-2.1.1-x'", "one of cpm-2.1.1, cpm-2.1.1-ext"),
         ("nap", "hello-1", "editions: unknown edition 'hello-1'", "one of cam-1.3.2"),
-        ("raw", "cpm-2.1.1", "editions: profile raw does not encode messages", "remove the key"),
+        ("raw", "cpm-2.1.1", "editions: option without effect: profile raw never encodes messages", "remove the key"),
     ],
 )
 def test_editions_that_a_profile_cannot_encode_are_refused(profile: str, edition: str, what: str, hint: str):

@@ -221,7 +221,7 @@ def test_a_link_that_flaps_floods_no_journal_and_is_counted(bench: Bench, caplog
         bench.interface.link(turn % 2 == 1, f"try {turn}")
         bench.loop.run_for(2.0)
     assert len(caplog.records) <= DECISIONS.burst + 3600 / DECISIONS.every_s
-    assert caplog.records[-1].getMessage().endswith("(4 lines before it left out)")
+    assert caplog.records[-1].getMessage().endswith("(4 lines omitted before this one)")
     assert bench.above.link_changes == 1 + 1800
 
 

@@ -103,7 +103,7 @@ def test_a_message_that_holds_itself_is_told():
 
 def test_two_messages_of_which_rosidl_would_make_the_same_files_are_told():
     text = "Top ::= SEQUENCE { a StationID, b StationId } StationID ::= INTEGER (0..9) StationId ::= INTEGER (0..9)"
-    with pytest.raises(RosError, match=r"the files of StationI[Dd] and StationI[Dd] would be called alike"):
+    with pytest.raises(RosError, match=r"the messages StationI[Dd] and StationI[Dd] would have the same file name"):
         made(text)
 
 
@@ -184,5 +184,5 @@ def test_two_types_of_one_name_are_told_where_the_profile_has_no_other_name():
 
     root = Reference("r1_a", "Top")
     schema = imported({"r1_a": a, "r1_b": b}, root)
-    with pytest.raises(RosError, match="Z: two types are called so"):
+    with pytest.raises(RosError, match="Z: two different types have this name"):
         profile_etsi_its.package(schema, Message("top-1", "top", 1, "", root, (), (), 0, 1))

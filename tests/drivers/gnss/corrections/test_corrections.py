@@ -322,5 +322,5 @@ def test_a_receiver_that_fails_while_it_starts_leaves_no_corrections_behind(loop
 def test_a_source_of_another_kind_is_a_mistake_that_shows_no_password(scheme):
     with pytest.raises(ConfigurationError) as caught:
         GnssOptions(port="x", corrections=f"{scheme}://me:secret@192.0.2.1:2101/m")
-    assert caught.value.message == f'corrections: "{scheme}://" is not read'
+    assert caught.value.message == f'corrections: "{scheme}://" is unsupported'
     assert "secret" not in str(caught.value)

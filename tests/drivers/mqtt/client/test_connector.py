@@ -66,7 +66,10 @@ def test_it_is_bound_to_what_the_interface_names_or_else_to_its_bearers(
 @pytest.mark.parametrize(
     ("number", "words"),
     [
-        (errno.EPERM, "this user may not bind a connection to wwan0; give the station CAP_NET_RAW"),
+        (
+            errno.EPERM,
+            "the station's user may not bind connections to network device wwan0; give the station CAP_NET_RAW",
+        ),
         (errno.ENODEV, "device wwan0: No such device"),
     ],
 )

@@ -59,14 +59,14 @@ def test_a_file_that_is_not_there_is_named(settings, tmp_path, name):
 
 def test_a_ca_without_a_certificate_is_named(settings, tmp_path):
     path = written(tmp_path / "ca", "no certificate")
-    assert trouble(context, replace(settings, ca=path)).startswith(f"ca {path}: holds no certificate")
+    assert trouble(context, replace(settings, ca=path)).startswith(f"ca {path}: contains no certificate")
 
 
 @pytest.mark.parametrize("name", ["certificate", "key"])
 def test_a_certificate_or_key_that_is_none_is_named_and_the_other_is_not(settings, tmp_path, name):
     path = written(tmp_path / name, "nothing of the kind")
     words = trouble(context, replace(settings, **{name: path}))
-    assert words.startswith(f"{name} {path}: holds no {name} in PEM form\n")
+    assert words.startswith(f"{name} {path}: contains no {name} in PEM form\n")
     assert "BEGIN" in words
 
 
@@ -91,7 +91,7 @@ def test_a_certificate_that_tls_does_not_take_is_named_with_the_reason(settings,
     subprocess.run(made.split(), check=True, capture_output=True)
     key.chmod(0o600)
     words = trouble(context, replace(settings, certificate=str(certificate), key=str(key)))
-    assert words.startswith(f"certificate {certificate}: is not taken by TLS here: ee key too small\n")
+    assert words.startswith(f"certificate {certificate}: this machine's TLS library refuses it: ee key too small\n")
 
 
 def test_the_key_of_another_certificate_is_named(settings, certificates):
@@ -146,7 +146,7 @@ def test_a_certificate_request_is_no_damaged_certificate(settings, tmp_path):
     made = f"openssl req -new -key {settings.key} -subj /CN=a -out {path}"
     subprocess.run(made.split(), check=True, capture_output=True)
     words = trouble(context, replace(settings, certificate=str(path)))
-    assert words.startswith(f"certificate {path}: holds no certificate in PEM form\n")
+    assert words.startswith(f"certificate {path}: contains no certificate in PEM form\n")
 
 
 def test_certificate_and_key_that_are_exchanged_are_not_named_as_damaged(settings, tmp_path):
@@ -154,9 +154,9 @@ def test_certificate_and_key_that_are_exchanged_are_not_named_as_damaged(setting
     shutil.copy(settings.certificate, path)
     path.chmod(0o600)
     words = trouble(context, replace(settings, certificate=settings.key))
-    assert words.startswith(f"certificate {settings.key}: holds no certificate in PEM form\n")
+    assert words.startswith(f"certificate {settings.key}: contains no certificate in PEM form\n")
     words = trouble(context, replace(settings, key=str(path)))
-    assert words.startswith(f"key {path}: holds no key in PEM form\n")
+    assert words.startswith(f"key {path}: contains no key in PEM form\n")
 
 
 def test_an_encrypted_key_is_refused_and_nobody_is_asked_for_its_password(settings, tmp_path):
