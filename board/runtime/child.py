@@ -119,7 +119,7 @@ class Child:
         """Close the socket, which ends the child; kill it after GRACE_S. Its further messages are discarded."""
         self._is_left = True
         self._close()
-        self._deadline = self.loop.after(GRACE_S, lambda: self._kill("did not exit in time after it was told to stop"))
+        self._deadline = self.loop.after(GRACE_S, lambda: self._kill("did not exit in time after its stop"))
 
     def finish(self, within: float) -> None:
         """Call leave(), then wait for the end; kill the child after `within` seconds."""
