@@ -105,6 +105,12 @@ def arguments() -> argparse.ArgumentParser:
     one.add_argument(
         "--versions", type=int, nargs="+", default=[1, 2], metavar="V", help="protocolVersion, 0 to 255 (default: 1 2)"
     )
+    one.add_argument("--traffic-class", type=int, metavar="N", default=2,
+                     help="traffic class at the station, 0 to 255 (default: %(default)s, as CAM)")  # fmt: skip
+    one.add_argument("--priority", type=int, metavar="N", default=3,
+                     help="priority at the station, 0 (first) to 7 (default: %(default)s; CAM has 2)")  # fmt: skip
+    one.add_argument("--lifetime", type=float, metavar="S", default=1.0,
+                     help="lifetime at the station and in the packet, in seconds (default: %(default)g)")  # fmt: skip
     one.add_argument("--replace", action="store_true", help="replace your message of this name")
     one.add_argument(
         "--to", type=Path, default=SCHEMA, metavar="DIR", help="folder for its schema (default: %(default)s)"

@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
 from asn1.backends.backend import Job, OwnOption
 from asn1.backends.registry import BACKENDS
@@ -14,6 +14,9 @@ from asn1.backends.ros2.options import Ros2Options
 from asn1.model import selection, text
 from asn1.model.types import Message, Schema
 from asn1.progress import Steps
+
+if TYPE_CHECKING:
+    from asn1.own.station import TypeRow, Types
 
 
 class CommandError(ValueError):
@@ -182,17 +185,22 @@ def check_import(args: argparse.Namespace) -> int:
 
 
 def add_message(args: argparse.Namespace) -> int:
-    """Add a user-defined message.
+    """Add a user-defined message, and register it with the station.
 
-    Raises CommandError if its file, name, messageID or port is invalid.
+    Raises CommandError if its file, name or a number is invalid, or if the station's file is.
     """
-    from asn1.own import add
+    from asn1.own import add, station
 
+    row = station.TypeRow(
+        args.id, station.type_name(args.name), args.port, args.priority, args.lifetime, args.traffic_class
+    )
     first, *others = args.file
     versions = tuple(args.versions)
     wish = add.UserRequest(first, args.pdu, args.name, args.id, args.port, versions, args.replace, tuple(others))
     try:
-        added = add.add(wish, _schema([]), args.to)
+        row.check()
+        types = _types()
+        added = add.add(wish, schema := _schema([]), args.to)
     except add.WishError as error:
         raise CommandError(str(error)) from error
     for path in added.paths:
@@ -210,6 +218,7 @@ def add_message(args: argparse.Namespace) -> int:
             "  Begin with an ItsPduHeader, in a SEQUENCE without ... and OPTIONAL.",
             file=sys.stderr,
         )
+    _register(row, types, schema)
     if args.to == text.SCHEMA:
         print(f"next: `make codec` builds {wish.name} into the Python module; captain-asn1 generate makes C")
     else:
@@ -219,16 +228,53 @@ def add_message(args: argparse.Namespace) -> int:
 
 
 def remove_message(args: argparse.Namespace) -> int:
-    """Remove a user-defined message. Raises CommandError if no message has this name."""
-    from asn1.own import add
+    """Remove a user-defined message, and its row from the station's file.
+
+    Raises CommandError if no message has this name, or if the station's file is invalid.
+    """
+    from asn1.own import add, station
 
     try:
+        types = _types()
         paths = add.remove(args.name, args.to)
     except add.WishError as error:
         raise CommandError(str(error)) from error
     for path in paths:
         print(f"removed: {path}")
+    name = station.type_name(args.name)
+    if types is not None and types.remove(name):
+        print(f"removed: type {name} from {types.path}; restart your stations")
     return 0
+
+
+def _types() -> "Types | None":
+    """Return the station's file of own types; None if the user wants none. Raises WishError if it is invalid."""
+    from asn1.own import station
+
+    path = station.file_of()
+    return station.Types(path) if path else None
+
+
+def _register(row: "TypeRow", types: "Types | None", schema: Schema) -> None:
+    """Register a message with the station, and print what was written, or why not."""
+    if types is None:
+        print("not registered with the station: CAPTAIN_TYPES is empty")
+        return
+    standards = [one.name for one in schema.messages.values() if row.number in one.ids and not one.is_experimental]
+    if standards:
+        reason: str | None = (
+            f"messageID {row.number} is that of {standards[0]}; to replace it, write [[types]] in captain.toml"
+        )
+    else:
+        reason = types.add(row)
+    if reason:
+        print(f"captain-asn1: warning: not registered with the station: {reason}", file=sys.stderr)
+        return
+    print(
+        f"registered in {types.path}: type {row.name}, messageID {row.number}, BTP port {row.btp_port}, "
+        f"traffic class {row.traffic_class}, priority {row.priority}, lifetime {row.lifetime_s:g} s"
+    )
+    print("restart your stations: they read this file when they start")
 
 
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {

@@ -26,6 +26,9 @@ try:
 except OSError as error:
     WARNING = f"network namespace: {error.strerror}; ports of other programs may clash with those of the tests"
 
+# Tests neither read nor write message types that are registered on this machine.
+os.environ["CAPTAIN_TYPES"] = ""
+
 set_hypothesis_home_dir("build/hypothesis")
 
 # derandomize makes every failure reproducible. A deadline would fail tests while the machine is busy with other work.

@@ -1,4 +1,4 @@
 """User-defined messages: files, imports, and their ITS PDU header.
 
-Face: add.
+Face: add, station.
 """

@@ -33,6 +33,10 @@ examples:
   captain run --board quad              a Pi under a Quad Expander
   captain run --board ./crowd.toml      a board file of your own
 
+The message types that `captain-asn1 add` has registered count as rows of
+[[types]]: ~/.config/captain/types.toml and /etc/captain/types.toml, or the file
+that CAPTAIN_TYPES names.
+
 exit codes:
   0    stopped as asked
   1    could not start
@@ -82,6 +86,8 @@ def main(arguments: argparse.Namespace) -> int:
         arguments.config, tuple(arguments.overrides), arguments.board, arguments.defaults
     )
     wanted = source.load()
+    for path in wanted.types:
+        logging.getLogger("captain").info("%s: message types of your own, beside those of the configuration", path)
     raise_descriptors()
     loop = Loop()
     station = Station(loop, wanted, source)

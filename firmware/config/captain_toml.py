@@ -15,7 +15,7 @@ from board.runtime.address import mac_address
 from board.runtime.errors import ConfigurationError
 from drivers import DRIVERS
 from firmware.clock import receivers
-from firmware.config import bearers, board_file, consistency
+from firmware.config import bearers, board_file, consistency, registered
 from firmware.config.board_file import Board
 from firmware.config.tables import QueueOptions, Tables
 
@@ -42,6 +42,7 @@ class Config:
 
     mac      MAC address of the station.
     written  names of the tables that captain.toml and the file of defaults contain.
+    types    paths of the files with registered message types.
     """
 
     tables: Tables
@@ -49,6 +50,7 @@ class Config:
     board: Board
     mac: bytes
     written: frozenset[str] = field(default=frozenset(), compare=False)
+    types: tuple[str, ...] = field(default=(), compare=False)
 
     @cached_property
     def digest(self) -> str:
@@ -109,9 +111,11 @@ def load(
     defaults   second captain.toml, for keys that `path` does not contain. On a box it is the image's own file, and
                `path` is the owner's.
 
+    Message types that are registered on this machine are part of it (registered.py).
+
     Raises ConfigurationError that names every mistake with file and key path.
     """
-    found, errors = examine(path, overrides, board, defaults)
+    found, errors = examine(path, overrides, board, defaults, registered.files())
     if len(errors) == 1:
         raise errors[0]
     if errors or found is None:
@@ -120,9 +124,15 @@ def load(
 
 
 def examine(
-    path: str | None, overrides: Sequence[str] = (), board: str | None = None, defaults: str | None = None
+    path: str | None,
+    overrides: Sequence[str] = (),
+    board: str | None = None,
+    defaults: str | None = None,
+    types: tuple[str, ...] = (),
 ) -> tuple[Config | None, list[ConfigurationError]]:
-    """Return the valid part of a configuration, and all errors. Parameters are those of load().
+    """Return the valid part of a configuration, and all errors. The first parameters are those of load().
+
+    types  paths of the files with registered message types.
 
     The configuration is None if captain.toml or the board file cannot be read. If there are errors, defaults replace
     invalid values, and invalid interfaces are left out.
@@ -142,6 +152,7 @@ def examine(
         merged["interfaces"] = _laid_over(present, wanted["interfaces"])
     for text in overrides:
         merged = _collect(errors, partial(_overridden, merged, text)) or merged
+    merged = registered.completed(merged, types, errors)
     where = path or ("--set" if overrides else at_board)
     tables = _tables(merged, where, errors)
     if there is None:
@@ -160,7 +171,7 @@ def examine(
     errors += [ConfigurationError(f"{where}: {text}") for text in more]
     told = "\n".join(error.message for error in errors)
     errors += [ConfigurationError(f"{where}: {key}: {ZERO}") for key in _zeros(merged) if f": {key}: " not in told]
-    return Config(tables, tuple(sound), there, mac, frozenset(wanted)), errors
+    return Config(tables, tuple(sound), there, mac, frozenset(wanted), types), errors
 
 
 def _board(chosen: str, errors: list[ConfigurationError]) -> Board:

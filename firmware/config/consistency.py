@@ -37,7 +37,7 @@ def mistakes(tables: Table, slots: Collection[str]) -> list[str]:
             because describe.read reports them.
     slots   names of the board's slots.
     """
-    found = [*_types(tables), *_endpoint(within(tables, "endpoint"))]
+    found = [*types(tables), *_endpoint(within(tables, "endpoint"))]
     if not isinstance(tables.get("interfaces", {}), dict):
         return found  # the interfaces are unknown
     interfaces = {name: within(tables["interfaces"], name) for name in tables.get("interfaces", {})}
@@ -207,7 +207,8 @@ def _unknown_interfaces(row: Table, known: set[str]) -> Iterator[tuple[str, str]
         yield from ((key, name) for key, given in names.items() for name in given if name not in known | more)
 
 
-def _types(tables: Table) -> Iterator[str]:
+def types(tables: Table) -> Iterator[str]:
+    """Yield each messageID that several rows of [[types]] have, as `types: error; remedy`."""
     numbers = [number for row in _rows(tables, "types") if type(number := row.get("number")) is int]
     for number in sorted({number for number in numbers if numbers.count(number) > 1}):
         yield f"types: number {number}: given {numbers.count(number)} times; give it once"

@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -42,13 +43,15 @@ def octets() -> str:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the guide's files: schema in own/, C in sources/, Python module in python/."""
+    """Return a folder with the guide's files: schema in own/, registration in types.toml, C in sources/, Python in python/."""
     folder = tmp_path_factory.mktemp("own")
     (folder / "hello.asn").write_text(block("asn1"))
     (folder / "hello.json").write_text(block("json"))
     (folder / "hello.py").write_text(block("python complete"))
     _, command, file, *options = block("sh add").split()
-    assert program.main([command, str(folder / file), *options, "--to", str(folder / "own")]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CAPTAIN_TYPES", str(folder / "types.toml"))
+        assert program.main([command, str(folder / file), *options, "--to", str(folder / "own")]) == 0
     for form in ("sources", "python"):
         generate = ["generate", "hello", "--with", folder / "own", "--format", form, "--to", folder / form]
         sh(sys.executable, "-m", "asn1", *generate, CFLAGS="-O0")
@@ -79,13 +82,23 @@ def test_own_message_of_the_guide_is_encoded_and_decoded_on_the_command_line(fol
     assert "battery: 80" in said
 
 
-def test_own_message_of_the_guide_sent_at_one_station_arrives_at_the_other(folder: Path, launch: Launcher) -> None:
+def test_registration_of_the_guide_is_what_the_command_writes_and_prints(folder: Path) -> None:
+    written = (folder / "types.toml").read_text()
+    assert tomllib.loads(written) == tomllib.loads(block("toml types"))
+    (row,) = tomllib.loads(written)["types"]
+    values = f"messageID {row['number']}, BTP port {row['btp_port']}, traffic class {row['traffic_class']}"
+    assert f"type {row['name']}, {values}, priority {row['priority']}, lifetime 1 s\n" in block("text add")
+
+
+def test_own_message_of_the_guide_sent_at_one_station_arrives_at_the_other(
+    folder: Path, launch: Launcher, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CAPTAIN_TYPES", str(folder / "types.toml"))
     a, b = launch.station(), launch.station()
     at_a, at_b = (f"127.0.0.1:{launch.port()}" for _ in "ab")
     for station, name, listen, peer in ((b, "b", at_b, at_a), (a, "a", at_a, at_b)):
-        types = block("toml", f"# {name}.toml").partition("[[types]]")
-        air = {"driver": "udp", "framing": "ethernet", "listen": listen, "peers": [peer]}
-        station.configure({"air": air}, "".join(types[1:]))
+        assert "[[types]]" not in block("toml", f"# {name}.toml")
+        station.configure({"air": {"driver": "udp", "framing": "ethernet", "listen": listen, "peers": [peer]}})
         station.start()
     user = launch.user(b)
     assert user.sub.recv_multipart()[0] == b"hb.counter"  # a heartbeat shows that the subscription has arrived
