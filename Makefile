@@ -2,7 +2,7 @@
 # make ... ARGS='...' passes options on to the program that a target starts.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup packages run codec import-check docs reference test fresh test-binary test-binary-directory test-binary-file check arcs mutants portable fuzz truth \
+.PHONY: help setup packages run codec import-check docs reference test fresh test-binary test-binary-directory test-binary-file check arcs mutants portable fuzz truth dialects \
 	bench bench-station bench-messages bench-v2n bench-time bench-record bench-ros2 bench-before lab meter attack chaos outages fleet swarm \
 	kernel ros2 clock days chronyd binary image image-test programs programs-test release flash lock proof clean
 
@@ -107,6 +107,9 @@ mutants: setup-test ## 500 small mistakes in a folder: how many the tests notice
 
 truth: setup-test ## compare our codec with others on generated messages, and each edition with the others; ARGS='--count 1000000'
 	@.venv/bin/python -m tests.asn1.truth $(ARGS)
+
+dialects: setup-test ## generated messages through both dialects of JSON, and their schemas; ARGS='--count 100000'
+	@.venv/bin/python -m tests.firmware.codec.dialects $(ARGS)
 
 lab: setup-test ## ten messages at 10 Hz between two stations; over UDP, raw Ethernet, radios, a broker, both at once; 60 s each
 	@mkdir -p build

@@ -5,12 +5,21 @@ from typing import Protocol
 
 
 class Field(Protocol):
-    """Component of a SEQUENCE, or alternative of a CHOICE; addition is 0 for those in the extension root."""
+    """Component of a SEQUENCE, or alternative of a CHOICE.
+
+    unit         unit of the component if it differs from its type's.
+    is_optional  may be absent.
+    addition     0 in the extension root.
+    """
 
     @property
     def name(self) -> str: ...
     @property
     def type(self) -> "Type": ...
+    @property
+    def unit(self) -> str | None: ...
+    @property
+    def is_optional(self) -> bool: ...
     @property
     def addition(self) -> int: ...
 
@@ -20,6 +29,7 @@ class Type(Protocol):
 
     low, high  smallest and largest value, or size, in the extension root; None: no bound.
     names      named numbers, items or bits, with their values.
+    special    names of special values, such as "unavailable".
     rows       types of an open type, with their identifiers.
     """
 
@@ -28,15 +38,25 @@ class Type(Protocol):
     @property
     def kind(self) -> str: ...
     @property
+    def unit(self) -> str | None: ...
+    @property
     def low(self) -> int | None: ...
     @property
     def high(self) -> int | None: ...
     @property
+    def is_extensible(self) -> bool: ...
+    @property
     def names(self) -> Sequence[tuple[str, int]]: ...
+    @property
+    def special(self) -> Sequence[str]: ...
     @property
     def fields(self) -> Sequence[Field]: ...
     @property
     def element(self) -> "Type | None": ...
     @property
     def rows(self) -> "Sequence[tuple[int, Type]]": ...
+    def plain_range(self, unit: str | None, /) -> tuple[str | None, str | None, str]:
+        """Return the lowest and highest number in the plain dialect as JSON, and their unit; unit: of the component."""
+        ...
+
     def __hash__(self) -> int: ...

@@ -7,7 +7,7 @@ from board.runtime.errors import RequestError
 from firmware.codec import causes
 from firmware.codec.foreign import message_frame
 from firmware.codec.identify import Identifier, Identity, Refusal, Unknown
-from firmware.codec.library import Library, editions
+from firmware.codec.library import PLAIN, Library, editions
 from firmware.codec.reading import Pdu
 from firmware.printable import failure_record
 
@@ -66,8 +66,11 @@ class Decoder:
         return self._is_asked or any(octets[0] in one.versions and octets[1] in one.ids for one in self._all)
 
 
-def record(pdu: Pdu, found: Identity) -> str:
-    """Return a decoded message as one line of JSON. `captain encode` converts it back to the same octets."""
+def record(pdu: Pdu, found: Identity, is_plain: bool = False) -> str:
+    """Return a decoded message as one line of JSON. `captain encode` converts it back to the same octets.
+
+    is_plain: in the plain dialect.
+    """
     head: dict[str, object] = {
         "edition": found.message.name,
         "type": found.message.type,
@@ -76,10 +79,12 @@ def record(pdu: Pdu, found: Identity) -> str:
         "origin": pdu.origin,
         "octets": len(pdu.octets),
     }
+    if is_plain:
+        head["form"] = PLAIN
     head |= _way(pdu) | doubt_record(found)
     if not found.is_exact:
         head |= {"is_exact": False, "hex": pdu.octets.hex()}
-    return joined(head, "message", found.message.to_json(pdu.octets))
+    return joined(head, "message", found.message.to_json(pdu.octets, plain=is_plain))
 
 
 def doubt_record(found: Identity) -> dict[str, object]:

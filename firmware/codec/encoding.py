@@ -7,7 +7,7 @@ from typing import NamedTuple
 from board.runtime.describe import remedy
 from board.runtime.errors import RequestError
 from drivers.wire.editions import names, of_header
-from firmware.codec.library import Message, strict_name
+from firmware.codec.library import FORMS, PLAIN, Message, strict_name
 from firmware.codec.reading import Object
 
 _FIELDS = "an object of the fields, as `captain decode` shows"
@@ -20,12 +20,14 @@ class Wish(NamedTuple):
     asked      value of `--edition`, or None.
     library    all messages, to recognise the header.
     is_forced  ignore the header.
+    is_plain   objects without `form` are in the plain dialect.
     """
 
     known: Sequence[Message]
     asked: str | None
     library: Sequence[Message]
     is_forced: bool = False
+    is_plain: bool = False
 
 
 class Encoded(NamedTuple):
@@ -40,6 +42,7 @@ def encode(one: Object, wish: Wish) -> Encoded:
     """Encode the message of a JSON object.
 
     one  {"edition": "cam-1.4.1", "message": {...}}; the message alone if `--edition` or its header gives the edition.
+         "form": "plain" is the plain dialect.
 
     The header selects the edition. Raises RequestError with edition, path, value and range, also if the header
     contradicts the edition.
@@ -54,7 +57,7 @@ def encode(one: Object, wish: Wish) -> Encoded:
     edition = wish.asked if edition is None else edition
     value = _message(one)
     messages = _by_name(one, edition, wish) if edition is not None else _by_header(one, value, wish)
-    message, octets = _first(messages, value, one.origin)
+    message, octets = _first(messages, value, one.origin, _is_plain(one, wish))
     told = _disagreement(message, octets, wish.library)
     owners = of_header(wish.library, octets)
     if told and owners and not wish.is_forced:
@@ -62,6 +65,13 @@ def encode(one: Object, wish: Wish) -> Encoded:
         remedy_ = f"name {names(fits, 'or')}" if fits else "change the header"
         raise RequestError(f"{one.origin}: {told}", f"{remedy_}, or add --force")
     return Encoded(message, octets, f"{one.origin}: {told}" if told else "")
+
+
+def _is_plain(one: Object, wish: Wish) -> bool:
+    form = one.value.get("form") if "message" in one.value else None
+    if form not in (None, *FORMS):
+        raise RequestError(f"{one.origin}: form: unknown form {json.dumps(form)[:40]}", f"use {' or '.join(FORMS)}")
+    return wish.is_plain if form is None else form == PLAIN
 
 
 def _message(one: Object) -> dict[str, object] | list[object]:
@@ -150,12 +160,12 @@ def _names_of(message: Message) -> list[str]:
     return [field.name for field in message.type_tree().fields[0].type.fields]
 
 
-def _first(messages: Sequence[Message], value: object, origin: str) -> tuple[Message, bytes]:
+def _first(messages: Sequence[Message], value: object, origin: str, is_plain: bool) -> tuple[Message, bytes]:
     """Encode with the first edition that accepts the fields. Raises RequestError with the error of the first one."""
     refused: RequestError | None = None
     for message in messages:
         try:
-            return message, _octets(message, value, origin)
+            return message, _octets(message, value, origin, is_plain)
         except RequestError as error:
             refused = refused or error
     assert refused is not None
@@ -178,9 +188,9 @@ def _numbers(numbers: Sequence[int]) -> str:
     return " or ".join(map(str, numbers))
 
 
-def _octets(message: Message, value: object, origin: str) -> bytes:
+def _octets(message: Message, value: object, origin: str, is_plain: bool) -> bytes:
     try:
-        return message.from_json(json.dumps(value))
+        return message.from_json(json.dumps(value), plain=is_plain)
     except (RecursionError, MemoryError) as error:
         raise RequestError(f"{origin}: {message.name}: it is nested too deeply, or larger than a message") from error
     except ValueError as error:

@@ -10,6 +10,8 @@ from board.runtime.describe import remedy
 from board.runtime.errors import RequestError, StationError
 from drivers.wire.type_tree import Type
 
+PLAIN = "plain"
+FORMS = ("json", PLAIN)  # values of `form`: the exact and the plain dialect of JSON
 FORM = "-ext"  # suffix of the -ext form (asn1/editions.toml, form_of)
 
 
@@ -79,8 +81,8 @@ class Message(Protocol):
     def decode(self, octets: bytes, /) -> object: ...
     def view(self, octets: bytes, /) -> object: ...
     def encode(self, value: object, /) -> bytes: ...
-    def to_json(self, octets: bytes, /) -> str: ...
-    def from_json(self, text: str, /) -> bytes: ...
+    def to_json(self, octets: bytes, /, *, plain: bool = False) -> str: ...
+    def from_json(self, text: str, /, *, plain: bool = False) -> bytes: ...
     def validate(self, value: object, /) -> None: ...
     def text(self, octets: bytes, /) -> str: ...
     def leaves(self, octets: bytes, /) -> tuple[bytes, int]: ...
@@ -115,10 +117,11 @@ def strict_name(edition: str) -> str:
     return edition.removesuffix(FORM)
 
 
-def editions(library: Library, asked: str | None) -> list[Message]:
-    """Return the messages that `--edition` selects, sorted by type and rank.
+def editions(library: Library, asked: str | None, option: str = "--edition") -> list[Message]:
+    """Return the messages that an option selects, sorted by type and rank.
 
-    asked  an edition ("cam-1.4.1"), or a type ("cam") for all its editions; None for all messages.
+    asked   an edition ("cam-1.4.1"), or a type ("cam") for all its editions; None for all messages.
+    option  name of the option, for the error.
 
     Raises RequestError for an unknown name, with the known ones.
     """
@@ -129,7 +132,7 @@ def editions(library: Library, asked: str | None) -> list[Message]:
     if not chosen:
         names = dict.fromkeys([message.type for message in known] + [message.name for message in known])
         raise RequestError(
-            f"--edition: unknown edition {asked!r}",
+            f"{option}: unknown edition {asked!r}",
             f"{remedy(asked.lower(), names)}; `captain decode --list` shows them all",
         )
     return chosen

@@ -29,6 +29,7 @@ examples:
   captain decode --json drive.pcapng          one JSON object per message
   captain decode --json 0202... | captain encode
                                               prints 0202... again
+  captain decode --plain 0202...              JSON in SI units
   captain listen --json | captain decode      received messages
   captain decode --list                       all editions of the library
 
@@ -39,6 +40,7 @@ JSON, one object per message; test `error` first:
   candidates  editions that give the same octets again, the preferred one first
   origin      place in the input
   octets      length
+  form        "plain" with --plain
   message     fields; names and structure of JER (ITU-T X.697)
   btp_port    BTP port of a captured message
   received    its Unix time in s
@@ -63,6 +65,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_input(parser)
     add_edition(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object per message")
+    parser.add_argument("--plain", action="store_true", help="as --json, but in SI units, with names of special values")
     parser.add_argument(
         "--list", action="store_true", help="list the editions of the library, with messageID and BTP port"
     )
@@ -70,16 +73,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     decoder = Decoder(library.load(), arguments.edition, arguments.force)
+    is_json = arguments.json or arguments.plain
     if arguments.list:
-        _list(decoder.known, arguments.json)
+        _list(decoder.known, is_json)
         return 0
 
     def decode(item: Pdu | Object) -> None:
         pdu = pdu_of(item)
         found = decoder.identify(pdu)
-        print(record(pdu, found) if arguments.json else tree(pdu, found, width_of(sys.stdout)), flush=True)
+        text = record(pdu, found, arguments.plain) if is_json else tree(pdu, found, width_of(sys.stdout))
+        print(text, flush=True)
 
-    return each(arguments, decode, arguments.json)
+    return each(arguments, decode, is_json)
 
 
 def _list(known: list[Message], is_json: bool) -> None:

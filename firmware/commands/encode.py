@@ -1,6 +1,7 @@
 """captain encode: encodes fields to octets, the inverse of decode --json."""
 
 import argparse
+import json
 
 from board.runtime.errors import RequestError
 from firmware.client.show.failures import Failures
@@ -8,10 +9,14 @@ from firmware.codec import library, writing
 from firmware.codec.arguments import add_edition, each
 from firmware.codec.encoding import Wish, encode
 from firmware.codec.reading import Object, Pdu, port_of, when_ns
+from firmware.codec.schema import schema
 
 DESCRIPTION = """\
 Encodes messages. The input is JSON objects {"edition": "cam-1.4.1", "message":
 {...}}, as of `captain decode --json`, each on one or several lines.
+
+Numbers are those of the standard, or in SI units if the object has "form":
+"plain", as of `captain decode --plain`.
 
 The object may be the message alone, if --edition or its ITS PDU header gives
 the edition. A header that contradicts --edition is refused, unless --force is
@@ -31,6 +36,8 @@ examples:
         GeoNetworking in Ethernet frames, for Wireshark
   captain encode cams.jsonl | captain send -
         encode and send
+  captain encode --schema cam-1.4.1 --plain
+        JSON schema of the objects, for editors and validators
 
 exit codes:
   0    every message was encoded
@@ -43,15 +50,23 @@ exit codes:
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("what", metavar="WHAT", nargs="*", help="a file, a folder, a JSON object, or -")
     add_edition(parser)
+    parser.add_argument("--plain", action="store_true", help='read objects without "form" in SI units')
+    parser.add_argument(
+        "--schema", metavar="E", help="print the JSON schema of an edition or type; of SI units with --plain"
+    )
     writing.add_output(parser)
     parser.set_defaults(form="json")
 
 
 def main(arguments: argparse.Namespace) -> int:
     codec = library.load()
+    if arguments.schema is not None:
+        message = library.editions(codec, arguments.schema, "--schema")[0]
+        print(json.dumps(schema(message, arguments.plain), indent=2))
+        return 0
     known = library.editions(codec, arguments.edition)
     failures = Failures()
-    wish = Wish(known, arguments.edition, codec.all(), arguments.force)
+    wish = Wish(known, arguments.edition, codec.all(), arguments.force, arguments.plain)
 
     def write(item: Pdu | Object) -> None:
         if isinstance(item, Pdu):

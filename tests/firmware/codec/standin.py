@@ -84,10 +84,10 @@ class Message:
         octets = bytes((head["protocolVersion"], head["messageID"])) + head["stationID"].to_bytes(4)
         return octets + bytes(body[name] & self.mask for name in self.fields)
 
-    def to_json(self, octets: bytes) -> str:
+    def to_json(self, octets: bytes, /, *, plain: bool = False) -> str:
         return json.dumps(self.decode(octets))
 
-    def from_json(self, text: str) -> bytes:
+    def from_json(self, text: str, /, *, plain: bool = False) -> bytes:
         return self.encode(json.loads(text))
 
     def leaves(self, octets: bytes) -> tuple[bytes, int]:
