@@ -73,9 +73,8 @@ def arguments() -> argparse.ArgumentParser:
     one.add_argument("messages", nargs="*", metavar="MESSAGE", help="cam-1.4.1, cam (its preferred edition), 'cam-*'")
     one.add_argument("--standard", action="store_true", help="every message but the experimental ones")
     one.add_argument("--all", action="store_true", help="every message")
-    one.add_argument(
-        "--format", dest="form", choices=BACKENDS, default="cmake", help="format of the output (default: %(default)s)"
-    )
+    one.add_argument("--format", dest="form", choices=BACKENDS, default="cmake", metavar="FORMAT",
+                     help=f"format of the output: {', '.join(BACKENDS)} (default: %(default)s)")  # fmt: skip
     # Its former name.
     one.add_argument("--form", choices=BACKENDS, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     one.add_argument(
