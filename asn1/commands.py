@@ -3,6 +3,7 @@
 import argparse
 import json
 import os
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -28,7 +29,7 @@ class UsageError(CommandError):
 
 
 def list_messages(args: argparse.Namespace) -> int:
-    """Print a table of all messages, or one JSON object per line.
+    """Print a table of all messages, cut at the width of a terminal, or one JSON object per line.
 
     Raises CommandError if a directory of --with has no schema, or a schema that another directory also has.
     """
@@ -39,8 +40,10 @@ def list_messages(args: argparse.Namespace) -> int:
         return 0
     rows = [("message", "release", "BTP port", "standard"), *map(_row, schema.messages.values())]
     widths = [max(len(row[column]) for row in rows) for column in range(4)]
+    columns = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
     for row in rows:
-        print("  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
+        line = "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
+        print(line if len(line) <= columns else f"{line[: columns - 2]}..")
     return 0
 
 
