@@ -41,12 +41,12 @@ def build() -> Path:
     return _linked(BUILD / "walk", [*_runtime(), PROGRAM / "every.c", PROGRAM / "walk_main.c"], [PROGRAM / "every.h"])
 
 
-def build_comparison(name: str, generated: Sequence[Path]) -> Path:
+def build_comparison(name: str, generated: Sequence[Path], program: str = "messages") -> Path:
     """The program that compares the walkers with generated code. name: a folder for what is made."""
     folder = next(path.parent for path in generated if path.suffix == ".c")
-    sources = [*_runtime(), PROGRAM / "messages_main.c", *(path for path in generated if path.suffix == ".c")]
+    sources = [*_runtime(), PROGRAM / f"{program}_main.c", *(path for path in generated if path.suffix == ".c")]
     headers = [path for path in generated if path.suffix == ".h"]
-    return _linked(BUILD / name / "compare", sources, headers, f"-I{folder.parent / 'include'}", f"-I{RUNTIME / 'src'}")
+    return _linked(BUILD / name / program, sources, headers, f"-I{folder.parent / 'include'}", f"-I{RUNTIME / 'src'}")
 
 
 def _runtime() -> list[Path]:

@@ -8,6 +8,7 @@ from asn1.backends.c.encode import encoder
 from asn1.backends.c.header import private_header, public_header, title
 from asn1.backends.c.names import has_check, member, needs_functions
 from asn1.backends.c.predicate import Predicates
+from asn1.backends.c.short_names import short_names
 from asn1.backends.c.tables import tables, text
 from asn1.backends.c.validate import validator
 from asn1.layout.layout import lay_out
@@ -102,4 +103,8 @@ def _message(layout: Layout, message: Message, index: int) -> Iterator[str]:
     if message.form_of:
         yield f"    .form_of = {text(message.form_of)},"
     yield f"    .btp_port = {message.btp_port}, .rank = {message.rank}, .arena = {arena_octets(pdu)},"
+    if names := short_names(message.form_of or message.name):
+        yield "    .short_names = (const captain_short_name[]){"
+        yield from (f"        {{{text(name)}, {text(path)}}}," for name, path in names.items())
+        yield f"    }}, .short_names_count = {len(names)},"
     yield "};"

@@ -216,6 +216,24 @@ public:
     void read_json(std::string_view json) { read_json(json, &captain_json_read); }
     /// The plain dialect: SI units, special values by name.
     void read_plain_json(std::string_view json) { read_json(json, &captain_json_read_plain); }
+    /// Replace the value by the example of a message, a legal message: see captain_example. Throws error.
+    void read_example(const captain_message &of)
+    {
+        check_type(of);
+        restart();
+        const captain_status status = captain_example(&of, data_, memory_.arena());
+        if (status == CAPTAIN_NO_MEMORY)
+            throw std::bad_alloc();
+        check(status, true);
+    }
+    /// Set a field by short name or path: set(cam, "speed", "13.9"), see captain_set. Throws error; then read the value again.
+    void set(const captain_message &of, const std::string &name, const std::string &text)
+    {
+        check_type(of);
+        captain_report report{};
+        if (captain_set(&of, data_, name.c_str(), text.c_str(), memory_.arena(), &report) != CAPTAIN_OK)
+            throw error(report);
+    }
 
     /// Throws error if the value cannot be encoded.
     std::vector<std::uint8_t> encode() const
@@ -271,6 +289,11 @@ private:
             captain_init(type_, data_);
             throw error(report);
         }
+    }
+    void check_type(const captain_message &of) const
+    {
+        if (of.pdu != type_)
+            throw std::invalid_argument(std::string(of.name) + " is a message of another type");
     }
     void check(captain_status status, bool is_strict) const
     {

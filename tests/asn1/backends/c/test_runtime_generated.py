@@ -68,11 +68,16 @@ MESSAGES = tuple(re.findall(r"^(\w+) ::= (?!CLASS)", MODULE, re.MULTILINE))
 
 
 @pytest.fixture(scope="module")
-def constructs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def sources(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Small types with what the standards use and what they might."""
     made = tmp_path_factory.mktemp("generated")
     library.generate(schema_of(MODULE, *MESSAGES), MESSAGES, made)
-    return build_comparison("constructs", kept(made, BUILD / "constructs" / "sources"))
+    return kept(made, BUILD / "constructs" / "sources")
+
+
+@pytest.fixture(scope="module")
+def constructs(sources: list[Path]) -> Path:
+    return build_comparison("constructs", sources)
 
 
 def kept(made: Path, folder: Path) -> list[Path]:
@@ -93,6 +98,17 @@ def test_both_decoders_and_json_agree(constructs: Path, seed: int) -> None:
     told = {line.split()[0]: int(line.split()[2]) for line in ran.stdout.splitlines()}
     assert set(told) == set(MESSAGES)
     assert not [name for name, decoded in told.items() if decoded == 0]
+
+
+def test_examples_of_every_construct_encode_and_take_fields(sources: list[Path]) -> None:
+    program = build_comparison("constructs", sources, "example")
+    ran = subprocess.run([program, "300"], capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stdout[-2000:] + ran.stderr[-2000:]
+    told = {name: (status, int(count)) for name, status, count in (line.split("|") for line in ran.stdout.splitlines())}
+    assert set(told) == set(MESSAGES)
+    assert not [name for name, (status, _) in told.items() if status != "ok"]
+    containers = {"Few", "Exactly", "Record", "Newer", "Chosen", "Nested", "Large", "Holder", "Open"}
+    assert not [name for name in containers if told[name][1] == 0]
 
 
 @pytest.mark.usefixtures("constructs")

@@ -156,7 +156,7 @@ def test_the_installed_examples_build_and_run(installed: Installed, tmp_path: Pa
     json_text = installed.run(programs / "json", "denm-1.3.1", octets).strip()
     assert json.loads(json_text)["header"]["messageID"] == 1
     assert installed.run(programs / "json", "denm-1.3.1", json_text).strip() == octets
-    assert "station 4711 at 47.0654 degrees north" in installed.run(programs / "cam")
+    assert "station 4711 at 47.0654 degrees north\nspeed 13.9 m/s\n" in installed.run(programs / "cam")
 
 
 @pytest.mark.parametrize("installed", ["gcc"], indirect=True)  # ZeroMQ is not there for other machines

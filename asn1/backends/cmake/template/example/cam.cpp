@@ -6,16 +6,14 @@
 
 static std::vector<std::uint8_t> make()
 {
+    const captain_message &message = captain::find("cam-1.4.1");
     captain::message<r1_cam_CAM> cam;
-    cam->header.protocolVersion = 2;
-    cam->header.messageID = 2;
-    cam->header.stationID = 4711;
-    auto &basic = cam->cam.camParameters.basicContainer;
-    basic.stationType = 5;
-    basic.referencePosition.latitude = 470654321;  // 0.1 microdegrees
-    basic.referencePosition.longitude = 154512345;
-    auto &high = cam->cam.camParameters.highFrequencyContainer;
-    high.choice = 2; // alternative 2: a roadside unit, without further data
+    cam.read_example(message); // a legal message, whose values are unavailable
+    cam.set(message, "latitude", "47.0654321"); // degrees
+    cam.set(message, "longitude", "15.4512345");
+    cam.set(message, "speed", "13.9");           // m/s
+    cam->header.stationID = 4711;                // the C struct
+    cam->cam.camParameters.basicContainer.stationType = 5;
     return cam.encode();
 }
 

@@ -192,6 +192,9 @@ typedef struct captain_type {
     captain_status (*validate)(const void *value);
 } captain_type;
 
+/* Short name of a field for captain_set: "speed", and the path of the field. */
+typedef struct captain_short_name { const char *name; const char *path; } captain_short_name;
+
 typedef struct captain_message {
     const char *name;      /* "cam-1.4.1" */
     const char *type;      /* name of the type in the station: "cam" */
@@ -210,6 +213,8 @@ typedef struct captain_message {
     uint16_t rank;         /* preference among editions; the smallest is preferred */
     uint32_t arena;        /* most arena octets that decode takes per octet of any message; four times as many for fragments,
                             * that is for parts with 16384 or more elements or octets */
+    const captain_short_name *short_names;
+    uint16_t short_names_count;
 } captain_message;
 
 /* All messages of this library, sorted by type and rank; their number is captain_messages_count. */
@@ -237,6 +242,22 @@ captain_status captain_validate(const captain_type *type, const void *value);
 
 /* Initialise a value: numbers 0, defaults assigned, optional components absent, lists empty. */
 void captain_init(const captain_type *type, void *value);
+
+/* Fill a value with a legal message, which encodes and validates: number or item "unavailable" or "unknown", else the smallest
+ * number, else the first item; OPTIONAL absent, unless a constraint requires it; the first alternative; the smallest size. The
+ * ITS PDU header has messageID and protocolVersion of the edition, and stationID 1. CAPTAIN_NO_MEMORY; CAPTAIN_INNER for a
+ * constraint that these rules do not satisfy (no message of a standard has one). */
+captain_status captain_example(const captain_message *message, void *value, captain_arena *arena);
+
+/* Set a field of a value that captain_example or decode filled.
+ * name  a short name of the message, or a path: "cam.camParameters.basicContainer.stationType", "denm.situation.eventType". An
+ *       absent component on the path is created with example values, another alternative replaces the chosen one, and the index
+ *       after the last element of a list adds one. "*" is the chosen alternative.
+ * text  the value in the plain dialect of JSON ("13.9" m/s, "unavailable"), in which quotes around text, and brackets around the
+ *       name of one bit, may be omitted. INTEGER also takes the name of an ordinary number ("passengerCar"), CHOICE the name of
+ *       an alternative, or its index, which for causeCode is the cause. A character string is the text itself.
+ * After an error the value must not be used. report may be NULL. The report of an unknown name lists paths with this name. */
+captain_status captain_set(const captain_message *message, void *value, const char *name, const char *text, captain_arena *arena, captain_report *report);
 
 /* Return why decode or decode_exact failed, or CAPTAIN_OK: decodes again, slowly, and reports path, bit and sentence. For
  * octets that are both truncated and invalid, either is reported. It needs no arena, so it never reports CAPTAIN_NO_MEMORY. On
