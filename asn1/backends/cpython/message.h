@@ -49,7 +49,7 @@ captain_status decode_octets(const captain_type *type, void *value, const octets
 /* Encode a value in memory to bytes; NULL with EncodeError. */
 PyObject *encoded(const captain_type *type, const void *value);
 
-/* Methods, defined in message.c, reader.c, describe.c and tree.c. */
+/* Methods, defined in message.c, reader.c, describe.c, tree.c and example.c. */
 PyObject *message_decode(PyObject *self, PyObject *source);
 PyObject *message_view(PyObject *self, PyObject *source);
 PyObject *message_reader(PyObject *self, PyObject *paths);
@@ -61,6 +61,8 @@ PyObject *message_text(PyObject *self, PyObject *source);
 PyObject *message_leaves(PyObject *self, PyObject *source);
 PyObject *message_explain(PyObject *self, PyObject *source);
 PyObject *message_type_tree(PyObject *self, PyObject *unused);
+PyObject *message_example(PyObject *self, PyObject *arguments, PyObject *fields);
+PyObject *message_short_names(PyObject *self, void *unused);
 bool readers_add(void);
 bool describe_add(PyObject *module);
 bool tree_add(PyObject *module);

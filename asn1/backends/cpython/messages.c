@@ -23,6 +23,8 @@ static PyMethodDef METHODS[] = {
     {"leaves", message_leaves, METH_O, "Return the values as octets without field names, and the number of unknown parts. Raises DecodeError."},
     {"explain", message_explain, METH_O, "Octets to a list of Step, bit by bit, as far as they decode."},
     {"type_tree", message_type_tree, METH_NOARGS, "The PDU's Type."},
+    {"example", (PyCFunction)(void (*)(void))message_example, METH_VARARGS | METH_KEYWORDS,
+     "Return a legal message with some fields, by short name or path, as a dict. Raises EncodeError, ValidateError."},
     ROS2_METHODS
     {0},
 };
@@ -31,6 +33,11 @@ static PyMethodDef METHODS[] = {
 static PyMemberDef ATTRIBUTES[] = {
     MEMBER(0, "name"), MEMBER(1, "type"), MEMBER(2, "release"), MEMBER(3, "standard"), MEMBER(4, "module"), MEMBER(5, "pdu"),
     MEMBER(6, "ids"), MEMBER(7, "versions"), MEMBER(8, "btp_port"), MEMBER(9, "rank"), MEMBER(10, "is_experimental"), MEMBER(11, "form_of"),
+    {0},
+};
+
+static PyGetSetDef COMPUTED[] = {
+    {"short_names", message_short_names, NULL, "Paths by short name.", NULL},
     {0},
 };
 
@@ -49,7 +56,8 @@ static void message_dealloc(PyObject *self)
 }
 
 static PyType_Slot SLOTS[] = {{Py_tp_dealloc, message_dealloc}, {Py_tp_repr, message_repr}, {Py_tp_methods, METHODS},
-                              {Py_tp_members, ATTRIBUTES}, {Py_tp_doc, "One PDU of one edition of a standard."}, {0}};
+                              {Py_tp_members, ATTRIBUTES}, {Py_tp_getset, COMPUTED},
+                              {Py_tp_doc, "One PDU of one edition of a standard."}, {0}};
 static PyType_Spec SPEC = {.name = "captain_messages.Message", .basicsize = (int)sizeof(message),
                            .flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE | Py_TPFLAGS_DISALLOW_INSTANTIATION,
                            .slots = SLOTS};
@@ -134,9 +142,24 @@ static PyObject *module_find(PyObject *module, PyObject *name)
     return no_message(name);
 }
 
+static PyObject *module_example(PyObject *module, PyObject *arguments, PyObject *fields)
+{
+    if (TUPLE_COUNT(arguments) != 1) {
+        PyErr_SetString(PyExc_TypeError, "an example has one name, and its fields as keywords: example('cam', speed=13.9)");
+        return NULL;
+    }
+    PyObject *found = module_find(module, TUPLE_ITEM(arguments, 0)), *none = PyTuple_New(0);
+    PyObject *dict = found == NULL || none == NULL ? NULL : message_example(found, none, fields);
+    Py_XDECREF(found);
+    Py_XDECREF(none);
+    return dict;
+}
+
 static PyMethodDef FUNCTIONS[] = {
     {"all", module_all, METH_NOARGS, "Every message of the library, by type and rank."},
     {"find", module_find, METH_O, "The message of a name: 'cam-1.4.1', or 'cam' for the preferred edition. Raises KeyError."},
+    {"example", (PyCFunction)(void (*)(void))module_example, METH_VARARGS | METH_KEYWORDS,
+     "The example of the message of a name, see Message.example. Raises KeyError, EncodeError, ValidateError."},
     {0},
 };
 

@@ -150,12 +150,15 @@ def _seen(node: Node, around: Around = frozenset()) -> str:
 
 
 def _finds(layout: Layout) -> Iterator[str]:
-    """Yield an overload of find() for each name, and for each type: its edition of smallest rank."""
+    """Yield overloads of find() and example() for each name, and for each type: its edition of smallest rank."""
     names: dict[str, Message] = {message.name: message for message in layout.messages}
     for message in sorted(layout.messages, key=lambda message: message.rank):
         names.setdefault(message.type, message)
     for name in sorted(names):
         node = layout.pdus[names[name].name]
         node = node.form_of or node
-        yield f"@overload\ndef find(name: Literal[{_quoted(name)}], /) -> Message[{_value(node)}, {_seen(node)}]: ..."
+        literal = f"name: Literal[{_quoted(name)}], /"
+        yield f"@overload\ndef find({literal}) -> Message[{_value(node)}, {_seen(node)}]: ..."
+        yield f"@overload\ndef example({literal}, **fields: str | float) -> {_value(node)}: ..."
     yield "@overload\ndef find(name: str, /) -> Message[Any, Any]: ..."
+    yield "@overload\ndef example(name: str, /, **fields: str | float) -> Any: ..."
