@@ -8,6 +8,7 @@ from firmware.client.show.failures import Failures
 from firmware.codec import library, writing
 from firmware.codec.arguments import add_edition, each
 from firmware.codec.encoding import Wish, encode
+from firmware.codec.example import example
 from firmware.codec.reading import Object, Pdu, port_of, when_ns
 from firmware.codec.schema import schema
 
@@ -25,6 +26,12 @@ given: receivers use the header.
 The argument WHAT is a file, a folder of files, or the object itself. Without
 it, or with -, the command reads standard input. The output is hexadecimal
 digits, one message per line, unless --to is given.
+
+With --example, the command makes a legal message of an edition; it reads no
+input. WHAT are fields NAME=VALUE. NAME is a short name (speed) or a path
+(cam.camParameters.basicContainer.stationType); an unknown name lists those
+there are. VALUE is in the SI unit or degree, or the name of a special value
+(unavailable) or item (passengerCar).
 """
 EPILOG = """\
 examples:
@@ -36,6 +43,10 @@ examples:
         GeoNetworking in Ethernet frames, for Wireshark
   captain encode cams.jsonl | captain send -
         encode and send
+  captain encode --example cam speed=13.9 latitude=48.7668 longitude=11.4321
+        a CAM at 13.9 m/s; all other values are "unavailable"
+  captain encode --example denm-1.3.1 cause=94 | captain send -
+        a DENM of a stationary vehicle
   captain encode --schema cam-1.4.1 --plain
         JSON schema of the objects, for editors and validators
 
@@ -49,6 +60,7 @@ exit codes:
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("what", metavar="WHAT", nargs="*", help="a file, a folder, a JSON object, or -")
+    parser.add_argument("--example", metavar="E", help="make a message of edition (cam-1.4.1) or type (cam) E")
     add_edition(parser)
     parser.add_argument("--plain", action="store_true", help='read objects without "form" in SI units')
     parser.add_argument(
@@ -63,6 +75,10 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.schema is not None:
         message = library.editions(codec, arguments.schema, "--schema")[0]
         print(json.dumps(schema(message, arguments.plain), indent=2))
+        return 0
+    if arguments.example is not None:
+        with writing.output(arguments, "hex") as out:
+            out.write(example(codec, arguments.example, arguments.what))
         return 0
     known = library.editions(codec, arguments.edition)
     failures = Failures()
