@@ -1,5 +1,6 @@
 """Messages of the station: indications, requests and confirms (words of EN 302 636)."""
 
+from collections.abc import Sequence
 from enum import Enum, IntEnum
 from typing import NamedTuple
 
@@ -174,8 +175,15 @@ class Outcome(Enum):
     DROPPED = "dropped"  # the queue or the driver of this interface dropped it
 
 
+# Fault of a message in JSON: path, problem, and the invalid value; None if the value is missing.
+Fault = tuple[str, str, object]
+
+
 class Confirm(NamedTuple):
-    """An answer to a request. The user gets one when the station accepts or refuses it, then one for each interface."""
+    """An answer to a request. The user gets one when the station accepts or refuses it, then one for each interface.
+
+    invalid  faults of a message in JSON.
+    """
 
     request: Request
     outcome: Outcome
@@ -184,3 +192,4 @@ class Confirm(NamedTuple):
     queue_s: float = 0.0  # seconds from acceptance until the driver got the request
     send_s: float = 0.0  # seconds from then until it had left
     detail: str = ""  # explanation that the reason does not contain
+    invalid: Sequence[Fault] = ()

@@ -10,6 +10,7 @@ from enum import StrEnum
 class Reason(StrEnum):
     """Reason codes in status, confirms and the journal. MEANING has their meanings; notes are below.
 
+    facilities-busy    at most 1,024 requests and 4 MiB wait. Received messages are counted at the place `json`.
     policy             the row of the policy has `interfaces = []`.
     no-area            an interface carries an area if it has GeoNetworking or reaches all receivers, as `mqtt` does.
     queue-full         the interface is slower than its requests, or `queue` is too small.
@@ -37,6 +38,9 @@ class Reason(StrEnum):
     BAD_ENVELOPE = "bad-envelope"
     ONE_FRAME = "one-frame"
     BAD_OPTIONS = "bad-options"
+    BAD_JSON = "bad-json"
+    FACILITIES_BUSY = "facilities-busy"
+    FACILITIES_RESTARTING = "facilities-restarting"
     UNKNOWN_TYPE = "unknown-type"
     NO_PORT = "no-port"
     NO_INTERFACE = "no-interface"
@@ -101,6 +105,9 @@ MEANING: dict[Reason, str] = {
     Reason.BAD_ENVELOPE: "the first frame is neither `v2x.` nor `v2x.<type>.` of a known type; mind case and dot",
     Reason.ONE_FRAME: "the message has one frame; send two, the envelope and the PDU",
     Reason.BAD_OPTIONS: "the third frame is not a JSON object of known options; `detail` names the mistake",
+    Reason.BAD_JSON: "the second frame is not the JSON of a message; `invalid` of the confirm lists all its faults",
+    Reason.FACILITIES_BUSY: "more JSON than the facilities process converts",
+    Reason.FACILITIES_RESTARTING: "the facilities process, which converts JSON, died; it starts again",
     Reason.UNKNOWN_TYPE: "messageID (second octet of the PDU) is in no table; add a row [[types]] to captain.toml",
     Reason.NO_PORT: "this type has no BTP port in the profile in use; choose profile standard or add a row [[types]]",
     Reason.NO_INTERFACE: "no interface that the policy or the user names for it exists and transmits",

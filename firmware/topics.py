@@ -57,6 +57,8 @@ ROWS = (
 NAMELESS_IN_LEGACY = frozenset({15, 20})
 LEGACY_VAM = 102
 
+# Forms of messages in JSON: as `captain decode --json` prints them, and with SI units.
+JSON_FORMS = EXACT, PLAIN = ("json", "plain")
 # Largest number of reception queues of an interface. Each is a socket, and the kernel lets 256 sockets share the frames
 # of a device.
 MAX_LANES = 63
@@ -100,6 +102,11 @@ class Topics:
         if kind.name != "vam" or kind.number not in (16, LEGACY_VAM):
             return True
         return (kind.number == LEGACY_VAM) is is_legacy
+
+    def json_topics(self) -> tuple[bytes, ...]:
+        """Return the topics of messages in JSON: b"json.cam." and so on, and b"json.." for those without a name."""
+        names = dict.fromkeys(kind.name for kind in self.kinds)
+        return tuple(f"{form}.{name}.".encode() for form in JSON_FORMS for name in names)
 
     def lanes(self) -> tuple[frozenset[int], ...]:
         """Return the messageIDs of each reception queue: first all of priority 0, then those of each name by priority.

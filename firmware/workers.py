@@ -52,6 +52,13 @@ def recorder() -> Serve:
     return serve
 
 
+def facilities() -> Serve:
+    """Return the process with the message library: JSON of users to octets, and back."""
+    from firmware.facilities.child import serve
+
+    return serve
+
+
 def reload() -> Serve:
     """Return the process that reads captain.toml again."""
     from firmware.config.reload_child import serve
@@ -67,5 +74,6 @@ WORKERS: Mapping[str, Callable[[], Serve]] = {
     "gnss-bus": gnss_bus,
     "mqtt": mqtt,
     "recorder": recorder,
+    "facilities": facilities,
     "reload": reload,
 }

@@ -102,6 +102,9 @@ TABLE = {
     "firmware/lab": Rule(("board", "drivers", "pps", "firmware", "zmq", "rich")),
     "firmware/meter": Rule(("board", "drivers", "pps", "firmware", "zmq")),
     # The recorder is a process of its own. Only firmware/workers.py, where this process starts, imports it.
+    "firmware/facilities": Rule(
+        ("board", "drivers.wire", *WORDS, "firmware", "zmq"), frozenset({"firmware.doctor", "firmware.lab"})
+    ),
     "firmware/recorder": Rule(
         ("board", "drivers.wire", *WORDS, "firmware", "zmq"), frozenset({"firmware.doctor", "firmware.lab"})
     ),

@@ -9,6 +9,7 @@ class Field(Protocol):
 
     unit         unit of the component if it differs from its type's.
     is_optional  may be absent.
+    default      value that an absent component has; None without one.
     addition     0 in the extension root.
     """
 
@@ -21,12 +22,15 @@ class Field(Protocol):
     @property
     def is_optional(self) -> bool: ...
     @property
+    def default(self) -> object: ...
+    @property
     def addition(self) -> int: ...
 
 
 class Type(Protocol):
     """Type of the message library.
 
+    unit       unit of the value 1, such as "0.01 m/s"; None without one.
     low, high  smallest and largest value, or size, in the extension root; None: no bound.
     names      named numbers, items or bits, with their values.
     special    names of special values, such as "unavailable".

@@ -88,7 +88,11 @@ def record(pdu: Pdu, found: Identity, is_plain: bool = False) -> str:
 
 
 def doubt_record(found: Identity) -> dict[str, object]:
-    """Return the JSON members that say why the values may be wrong; empty without a doubt."""
+    """Return the JSON members that say why the values may be wrong; empty without a doubt.
+
+    warning  reason why the values may be wrong; absent without a doubt.
+    others   other editions that fit the octets, but decode other values; absent without one.
+    """
     if not found.doubt:
         return {}
     told: dict[str, object] = {"warning": found.doubt}
@@ -112,6 +116,11 @@ def refusal_record(error: UndecodableError) -> dict[str, object]:
     """Return the JSON members for an undecodable message: `error`, `hint`, and each fact of `error`.
 
     The member `edition` is omitted, because it names the edition of a decoded message.
+
+    reason           problem of the first invalid component; only with `error`.
+    nearest_edition  edition that decodes the most bits; only with `error`.
+    path             first invalid component; only with `error`.
+    bit              position of this component in the PDU; only with `error`.
     """
     told = failure_record(error)
     if error.nearest is None:

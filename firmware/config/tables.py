@@ -76,6 +76,7 @@ class StationOptions:
     is_mobile  itsGnIsMobile of EN 302 636-4-1: may the station move while it runs?
     profile    table of message types. `legacy` sends as older vehicleCAPTAIN boxes do. Both profiles receive the
                messages of both.
+    id         own stationID, for messages in JSON without a header. Omitted: the last four octets of the MAC address.
     mac        own MAC address, such as "02:00:00:00:00:0b". Empty: a locally administered address, derived from
                machine, name and port.
     position   position of the station without a receiver, or before its first fix. With `is_mobile = false`, it is also
@@ -86,6 +87,7 @@ class StationOptions:
     type: Annotated[int, Range(0, 31)] = 0
     is_mobile: bool = True
     profile: Literal["standard", "legacy"] = "standard"
+    id: Annotated[int, Range(0, 2**32 - 1)] | None = None
     mac: Annotated[str, Check(_mac)] = ""
     position: ConfiguredPosition | None = None
 

@@ -8,7 +8,7 @@ import zmq
 
 from board.runtime.errors import StationError
 from drivers.contract import Witness
-from drivers.message import Ego
+from drivers.message import Ego, MessageType
 from firmware.config.tables import EndpointOptions
 from firmware.endpoint.control.control_socket import ControlSocket, default_path
 from firmware.endpoint.control.question import Commands
@@ -18,9 +18,11 @@ from firmware.endpoint.peers.interest import CountedTopics
 from firmware.endpoint.publisher import Publisher
 from firmware.endpoint.report import CONFIRM, FRAME, IMPLAUSIBLE, INDICATION, SOON, STATUS, TIME, TOPICS, Report
 from firmware.endpoint.users import Users
+from firmware.routing.options import Parsed
 from firmware.routing.router import ConfirmListener, Observer, Routing
 
 if TYPE_CHECKING:
+    from firmware.endpoint.facilities import Facilities
     from firmware.endpoint.frames import Frames
 
 # Seconds. A stopping station still takes the messages that users have already sent, for at most this long.
@@ -35,6 +37,7 @@ class StationQueries(NamedTuple):
     refresh      updates the counters in the status from the kernel.
     time_status  returns the part of the status about time.
     commands     commands that the control socket offers.
+    station_id   own stationID, for messages in JSON without a header.
     """
 
     local: Callable[[], Ego] | None
@@ -42,6 +45,7 @@ class StationQueries(NamedTuple):
     refresh: Callable[[], None]
     time_status: Callable[[], dict[str, object]]
     commands: Commands
+    station_id: int
 
 
 class Endpoint:
@@ -72,6 +76,9 @@ class Endpoint:
         self._witness = witness
         self._wanted: set[bytes] = set()  # topics of the report port
         self._frames: Frames | None = None
+        self._facilities: Facilities | None = None
+        self._routing = routing
+        self._station_id = station.station_id
         self._are_frames_shown = False
         self.private_report = f"ipc://@captain-{os.urandom(8).hex()}" if has_recorder else ""
         host = f"[{options.address}]" if ":" in options.address else options.address
@@ -81,17 +88,19 @@ class Endpoint:
 
         try:
             self.users = Users(loop, self.context, at(options.to_users), topics, drops, station.local)
-            counted = CountedTopics(TOPICS, self._interest, costly=(IMPLAUSIBLE, FRAME, SOON))
+            json_topics = topics.json_topics()
+            costly = (IMPLAUSIBLE, FRAME, SOON, *json_topics)
+            counted = CountedTopics((*TOPICS, *json_topics), self._interest, costly=costly)
             also = [self.private_report] if has_recorder else []
             self._reports = Publisher(loop, self.context, at(options.report), "report", drops, counted, also)
             self.report = Report(
                 loop, self._reports, station.status, station.refresh, station.time_status, router.quality_now
             )
             self.inlets = [
-                Inlet(routing, self.context, kind, at(port), name, kind == zmq.PULL, options.strict)
-                for kind, port, name in (
-                    (zmq.SUB, options.from_users, "from_users"),
-                    (zmq.PULL, options.pull, "pull"),
+                Inlet(routing, self.context, kind, at(port), name, json, options.strict)
+                for kind, port, name, json in (
+                    (zmq.SUB, options.from_users, "from_users", None),
+                    (zmq.PULL, options.pull, "pull", self),
                 )
             ]
             self._control = ControlSocket(loop, options.control or default_path(options.from_users), station.commands)
@@ -110,6 +119,8 @@ class Endpoint:
         until = self._loop.clock() + FINISH_S
         for inlet in self.inlets:
             inlet.finish(until)
+        if self._facilities is not None:
+            self._facilities.finish()
 
     def close_inlets(self) -> None:
         for inlet in self.inlets:
@@ -123,12 +134,18 @@ class Endpoint:
 
     def close(self) -> None:
         """Close all sockets. libzmq still sends queued messages within its linger time."""
+        if self._facilities is not None:
+            self._facilities.finish()
         self.finish_reports()
         self._control.close()
         self.users.publisher.close()
         self._reports.close()
         self._guard.close()
         self.context.term()
+
+    def request(self, kind: MessageType | None, body: bytes, where: str, asked: Parsed) -> None:
+        """Encode a message in JSON and send it. kind: type of its envelope; None for `v2x.`."""
+        self._facilities_on_demand().request(kind, body, where, asked)
 
     def status(self) -> dict[str, object]:
         """Return the parts of the status about users and reports.
@@ -145,6 +162,7 @@ class Endpoint:
         report.confirms       `sequence` of the last confirm.
         report.indications    `sequence` of the last indication.
         report.frames         `total` of each interface's frames.
+        facilities            conversion of JSON; absent before its first use.
         """
         publisher = self.users.publisher
         return {
@@ -164,6 +182,7 @@ class Endpoint:
                 "indications": self.report.indications,
                 "frames": {} if self._frames is None else self._frames.totals(),
             },
+            **({"facilities": self._facilities.status()} if self._facilities is not None else {}),
         }
 
     def _interest(self, topic: bytes, is_wanted: bool) -> None:
@@ -179,8 +198,18 @@ class Endpoint:
         elif topic == FRAME:
             if is_wanted is not was_wanted:
                 self._look_at_frames(is_wanted)
+        elif topic.startswith((b"json.", b"plain.")):
+            self._facilities_on_demand().want(topic, is_wanted)
         else:
             self._look_at_messages()
+
+    def _facilities_on_demand(self) -> "Facilities":
+        if self._facilities is None:
+            from firmware.endpoint.facilities import Facilities  # imported on demand, as few stations need JSON
+
+            self._facilities = Facilities(self._routing, self.context, self._reports, self._station_id)
+            self.users.json = self._facilities
+        return self._facilities
 
     def _look_at_frames(self, is_wanted: bool) -> None:
         if self._frames is None:

@@ -1,6 +1,7 @@
 """Inlet: a socket that receives envelope, PDU and (PULL only) options from users."""
 
 import logging
+from typing import Protocol
 
 import zmq
 from zmq.backend import Socket as PlainSocket
@@ -32,12 +33,19 @@ MAX_FRAMES = 64
 log = logging.getLogger("captain.inlet")
 
 
+class JsonSide(Protocol):
+    """Receiver of messages in JSON (firmware.endpoint.facilities.Facilities)."""
+
+    def request(self, kind: MessageType | None, body: bytes, where: str, asked: options.Parsed) -> None:
+        """Encode JSON and send it. kind: type of the envelope; None for `v2x.`."""
+
+
 class Inlet:
     """Socket for messages from users, read in batches: SUB (subscribed to everything) or PULL.
 
     kind           zmq.SUB or zmq.PULL.
     name           place of its drop counters: from_users or pull.
-    takes_options  True parses a third frame as options; False ignores it.
+    json           takes messages whose options say that they are JSON. None: a third frame is ignored.
     is_strict      True refuses a PDU whose messageID does not match its envelope.
 
     Raises InterfaceError if the address cannot be bound.
@@ -50,14 +58,14 @@ class Inlet:
         kind: int,
         address: str,
         name: str,
-        takes_options: bool = False,
+        json: JsonSide | None = None,
         is_strict: bool = False,
     ) -> None:
         self._loop = routing.loop
         self._name = name
         self._topics = routing.topics
         self._router = routing.router
-        self._takes_options = takes_options
+        self._json = json
         self._is_strict = is_strict
         self._is_scheduled = False
         self._socket = context.socket(kind)
@@ -185,7 +193,7 @@ class Inlet:
             self._is_skipping = True
             if (connection := self.door.connections.get(descriptor_of(third))) is not None:
                 self.door.cut(connection, Reason.UNFINISHED, pdu, f"more than {MAX_FRAMES} frames in one message")
-        if not self._takes_options:
+        if self._json is None:
             self._take(envelope, pdu, options.NOTHING_ASKED)
             return
         try:
@@ -195,4 +203,9 @@ class Inlet:
             label = options.label_of(third.bytes)
             self._router.refuse_message(Reason.BAD_OPTIONS, third.bytes, self._name, label=label, detail=str(error))
             return
-        self._take(envelope, pdu, asked)
+        if asked.options.form == "octets":
+            self._take(envelope, pdu, asked)
+        elif envelope == b"v2x." or envelope in self._topics.by_envelope:
+            self._json.request(self._topics.by_envelope.get(envelope), pdu, self._name, asked)
+        else:
+            self._refuse(Reason.BAD_ENVELOPE, envelope, asked)

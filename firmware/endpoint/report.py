@@ -17,8 +17,8 @@ from pathlib import Path
 
 from board.runtime.loop import Loop, Timer
 from board.time.scales import TimeQuality
-from drivers.message import ITS_HEADER, NO_MAC, UNKNOWN_TIME, Confirm, Indication
-from drivers.reason import MEANING
+from drivers.message import ITS_HEADER, NO_MAC, UNKNOWN_TIME, Confirm, Fault, Indication
+from drivers.reason import MEANING, Reason
 from firmware import VERSION
 from firmware.endpoint.publisher import Publisher
 from firmware.routing.interface import Interface
@@ -53,6 +53,8 @@ AT_ONCE_S = 0.1  # least time in seconds between two statuses, however many prog
 DIGEST = 16  # number of hexadecimal digits of a SHA-256: with 8 octets, digests of the messages of a year differ
 # File with the kernel's identifier of this boot. Stations with the same identifier share one clock.
 BOOT = "/proc/sys/kernel/random/boot_id"
+# Reasons to refuse a message in JSON, which has no PDU yet.
+OF_JSON = frozenset({Reason.BAD_JSON, Reason.FACILITIES_BUSY, Reason.FACILITIES_RESTARTING})
 PAGE_KB = resource.getpagesize() // 1024
 
 
@@ -197,6 +199,7 @@ class Report:
         accepted_ns  Unix time in ns when the station accepted it.
         quality      quality of the station's clock at that time.
         time         Unix time of the confirm, in seconds.
+        invalid      all faults of a message in JSON; absent without faults.
         """
         request = confirm.request
         pdu = request.pdu
@@ -205,7 +208,7 @@ class Report:
             "request": request.number,
             "label": request.label,
             "type": request.kind.name,
-            "station_id": int.from_bytes(pdu[2:ITS_HEADER], "big") if len(pdu) >= ITS_HEADER else None,
+            "station_id": _station_id(pdu) if confirm.reason not in OF_JSON else None,
             "octets": len(pdu),
             "digest": digest_of(pdu),
             "outcome": confirm.outcome.value,
@@ -220,6 +223,8 @@ class Report:
             "quality": said_of(self._quality()),
             "time": when,
         }
+        if confirm.invalid:
+            said["invalid"] = [invalid_of(fault) for fault in confirm.invalid]
         return b"confirm.%s." % request.kind.name.encode(), json.dumps(said).encode()
 
     def indication_of(self, number: int, one: Indication, topic: bytes = INDICATION) -> tuple[bytes, bytes]:
@@ -243,7 +248,7 @@ class Report:
         said = {
             "sequence": number,
             "type": one.kind.name,
-            "station_id": int.from_bytes(pdu[2:ITS_HEADER], "big") if len(pdu) >= ITS_HEADER else None,
+            "station_id": _station_id(pdu),
             "octets": len(pdu),
             "digest": digest_of(pdu),
             "interface": one.interface,
@@ -296,6 +301,21 @@ class ImplausibleReport:
                 if self._told < OF_IMPLAUSIBLE:
                     self._told += 1
                     self._publisher.publish(*self._report.indication_of(self._count, one, IMPLAUSIBLE))
+
+
+def invalid_of(fault: Fault) -> dict[str, object]:
+    """Return a fault of a message in JSON.
+
+    path     component, such as `cam.camParameters.basicContainer.stationType`; empty for the whole message.
+    problem  problem, with the range of the component.
+    value    invalid value; null if it is missing.
+    """
+    path, problem, value = fault
+    return {"path": path, "problem": problem, "value": value}
+
+
+def _station_id(pdu: bytes) -> int | None:
+    return int.from_bytes(pdu[2:ITS_HEADER], "big") if len(pdu) >= ITS_HEADER else None
 
 
 def digest_of(pdu: bytes) -> str:

@@ -8,6 +8,7 @@ import zmq
 from board.runtime.loop import Loop
 from drivers.message import Ego, Indication, Position
 from drivers.wire import raw
+from firmware.endpoint.facilities import Facilities
 from firmware.endpoint.peers.interest import CountedTopics
 from firmware.endpoint.publisher import Publisher
 from firmware.routing.drops import Drops
@@ -22,6 +23,7 @@ class Users:
     """Publisher of indications and the heartbeat, the only contents of port 5556.
 
     local  returns the own position for localInfo of RawRxMessage; None omits localInfo.
+    json   receives the same messages, for users who want JSON.
     """
 
     def __init__(
@@ -35,6 +37,7 @@ class Users:
     ) -> None:
         self.published = 0
         self.raw = 0
+        self.json: Facilities | None = None
         self._is_raw_wanted = False
         self._loop = loop
         self._envelopes = topics.envelopes
@@ -59,6 +62,8 @@ class Users:
             messages = [(envelopes[one.kind.row], one.pdu) for one in indications]
         self.publisher.publish_all(messages)
         self.published += len(indications)
+        if self.json is not None:
+            self.json.publish(indications)
 
     def _both(self, one: Indication) -> tuple[tuple[bytes, bytes], tuple[bytes, bytes]]:
         body = raw.build(one.pdu, one.received_ns, one.rx, self._local_info())

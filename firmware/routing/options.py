@@ -49,6 +49,8 @@ class RequestOptions:
     """Options of one message. The policy determines those that are omitted.
 
     label          text that the confirms of the message return.
+    form           form of the second frame: `octets` is a PDU, `json` is a JSON object as `captain decode --json`
+                   prints, `plain` is one with SI units.
     interfaces     interfaces that replace `interfaces` and `fallback` of the policy's row; its other options still
                    apply. `["*"]`: all interfaces that transmit.
     btp_port       destination port that replaces the one of the message type.
@@ -62,6 +64,7 @@ class RequestOptions:
     """
 
     label: str = ""
+    form: Literal["octets", "json", "plain"] = "octets"
     interfaces: tuple[str, ...] | None = None
     btp_port: Annotated[int, Range(0, 65535)] | None = None
     traffic_class: Annotated[int, Range(0, 255)] | None = None

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Protocol
 from board.runtime.loop import Loop
 from board.time.scales import TimeQuality
 from drivers.contract import Can
-from drivers.message import UNKNOWN_TIME, Confirm, Ego, Indication, MessageType, Outcome, Request
+from drivers.message import UNKNOWN_TIME, Confirm, Ego, Fault, Indication, MessageType, Outcome, Request
 from drivers.reason import Reason
 from firmware.routing.drops import Drops
 from firmware.routing.interface import Interface
@@ -217,14 +217,16 @@ class Router:
         kind: MessageType | None = None,
         label: str = "",
         detail: str = "",
+        invalid: Sequence[Fault] = (),
     ) -> None:
         """Count a message that is too invalid for a request, and confirm it as refused.
 
-        sample  octets of the message, or of its invalid frame.
-        where   socket that received the message, as place for the drop counters.
+        sample   octets of the message, or of its invalid frame.
+        where    socket that received the message, as place for the drop counters.
+        invalid  faults of a message in JSON.
         """
         self.requests += 1
-        self._refuse(self._not_made(kind or self._unknown, sample, label), reason, where, detail)
+        self._refuse(self._not_made(kind or self._unknown, sample, label), reason, where, detail, invalid)
 
     # Called by the policy: firmware.routing.policy.Surroundings.
 
@@ -245,10 +247,12 @@ class Router:
         now = self._clock()
         return Request(self.requests, kind, pdu, 0, now, now, kind.priority, 0, label=label)
 
-    def _refuse(self, request: Request, reason: Reason, where: str, detail: str = "") -> None:
+    def _refuse(
+        self, request: Request, reason: Reason, where: str, detail: str = "", invalid: Sequence[Fault] = ()
+    ) -> None:
         self._drops.count(where, reason, request.pdu, detail=detail)
         if self.is_confirm_wanted:
-            self.confirm(Confirm(request, Outcome.REFUSED, "", reason, detail=detail))
+            self.confirm(Confirm(request, Outcome.REFUSED, "", reason, detail=detail, invalid=invalid))
 
     def _usable(self, names: Sequence[str], fallback: Sequence[str]) -> tuple[Interface, ...]:
         """Return the interfaces for a request.

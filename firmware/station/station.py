@@ -96,7 +96,8 @@ class Station:
         self._signatures = Signatures(tables.reception.unverified)
         witness = Witness()
         routing = Routing(loop, self.topics, self.drops, self.router)
-        side = StationQueries(local, self.status, self._refresh, self.timekeeper.status, self._commands())
+        own_id = int.from_bytes(config.mac[2:], "big") if tables.station.id is None else tables.station.id
+        side = StationQueries(local, self.status, self._refresh, self.timekeeper.status, self._commands(), own_id)
         has_recorder = bool(tables.recorder.folder)
         self.endpoint = Endpoint(routing, tables.endpoint, side, config.mac, witness, has_recorder)
         interfaces = Interfaces(

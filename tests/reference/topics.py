@@ -13,9 +13,12 @@ from firmware.clock.pulse_input import PulseInput
 from firmware.clock.pulsed_time import PulsedTime
 from firmware.clock.system_clock import SystemClock
 from firmware.clock.timekeeper import Timekeeper
+from firmware.codec.decoding import doubt_record, refusal_record
 from firmware.endpoint.endpoint import Endpoint
+from firmware.endpoint.facilities import Facilities
 from firmware.endpoint.frame_report import FrameReport
-from firmware.endpoint.report import Report, process_status, said_of
+from firmware.endpoint.report import Report, invalid_of, process_status, said_of
+from firmware.facilities.converting import Converter, reception_of
 from firmware.recorder.ring import Ring
 from firmware.routing.drops import Drop, Drops
 from firmware.routing.duplicates import Duplicates
@@ -115,6 +118,14 @@ PARTS = (
         _of(Report.indication_of),
         "Topic `implausible.<type>.`: the same object for each implausible message, at once, at most 100 a second. `sequence` counts only these, with those that are not sent.",
     ),
+    Part("confirm: invalid", "confirm.invalid[]", _of(invalid_of)),
+    Part(
+        "json, plain",
+        "json",
+        _of(Converter.convert, doubt_record, refusal_record),
+        "Topics `json.<type>.` and `plain.<type>.`: received messages in JSON, once each; `json..` and `plain..` for a message without a known type. In `plain.`, numbers are in SI units and degrees. They are sent only to users whose subscription begins with `json.` or `plain.`; the first one starts the process that decodes, which takes half a second.",
+    ),
+    Part("json: reception", "json.reception", _of(reception_of)),
     Part("quality", "*.quality", _of(said_of), "Member `quality` of confirms, indications and frames."),
     Part(
         "frame",
@@ -149,6 +160,7 @@ PARTS = (
     Part("status: board: temperatures", "status.board.temperatures.*", _of(_Reading.status)),
     Part("status: board: fan", "status.board.fan", _of(_Reading.status)),
     Part("status: board: worker", "status.board.worker", _of(BoardWorker.status)),
+    Part("status: facilities", "status.facilities", _of(Facilities.status)),
     Part("status: recorder", "status.recorder", _of(Recorder.status, Ring.status)),
     Part("status: security", "status.security", _of(Signatures.status)),
     Part("status: drops", "status.drops[]", _of(Drops.status, Drop.status), "The reasons: [drop reasons](drops.md)."),
@@ -171,8 +183,8 @@ MAPS = frozenset({
     "status.duplicates.first", "status.duplicates.lead_ms", "status.duplicates.paths[].first",
     "status.duplicates.paths[].lead_ms", "status.duplicates.paths[].alone", "time.refclock.samples",
 })  # fmt: skip
-OPAQUE = frozenset({"status.interfaces.*.details"})  # each driver's own
-ELSEWHERE = {"status.clock": "time"} | {
+OPAQUE = frozenset({"status.interfaces.*.details", "json.message", "confirm.invalid[].value"})  # of a driver, a message
+ELSEWHERE = {"status.clock": "time", "plain": "json", "json.reception.quality": "*.quality"} | {
     f"{name}.quality": "*.quality" for name in ("confirm", "indication", "implausible", "frame")
 }
 

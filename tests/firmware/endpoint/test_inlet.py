@@ -1,5 +1,6 @@
 """Input of users: envelopes, frames, sizes; a good message always passes."""
 
+import json
 from collections.abc import Iterator
 from contextlib import closing
 
@@ -42,6 +43,15 @@ class NotingRouter:
         self.details.append(detail)
 
 
+class NotingJson:
+    def __init__(self) -> None:
+        self.requests: list[tuple[str | None, bytes, str]] = []
+
+    def request(self, kind: MessageType | None, body: bytes, where: str, asked: Parsed) -> None:
+        assert where == "pull"
+        self.requests.append((kind.name if kind else None, body, asked.options.form))
+
+
 class Bench:
     def __init__(
         self, loop: VirtualLoop, takes_options: bool = True, is_strict: bool = False, profile: str = "standard"
@@ -51,7 +61,9 @@ class Bench:
         self.router = NotingRouter()
         kind, name = (zmq.PULL, "pull") if takes_options else (zmq.SUB, "from_users")
         routing = Routing(loop, Topics(profile), Drops(), self.router)
-        self.inlet = Inlet(routing, self.context, kind, "inproc://inlet", name, takes_options, is_strict)
+        self.json = NotingJson()
+        json = self.json if takes_options else None
+        self.inlet = Inlet(routing, self.context, kind, "inproc://inlet", name, json, is_strict)
         self.user = self.context.socket(zmq.PUSH if takes_options else zmq.PUB)
         self.user.set(zmq.LINGER, 0)
         self.user.connect("inproc://inlet")
@@ -259,3 +271,20 @@ def test_any_frames_are_each_taken_or_refused_once(messages: list[list[bytes]]) 
         bench.turn()
         assert len(bench.router.requests) + len(bench.router.refusals) == len(messages) + 1
         assert bench.router.requests[-1] == ("cam", CAM_PDU)
+
+
+@pytest.mark.parametrize("form", ["json", "plain"])
+@pytest.mark.parametrize(("envelope", "name"), [(b"v2x.", None), (b"v2x.cam.", "cam")])
+def test_message_whose_options_say_json_goes_to_the_side_for_json(envelope: bytes, name: str | None, form: str) -> None:
+    with closing(VirtualLoop()) as loop, closing(Bench(loop)) as bench:
+        bench.send(envelope, b"{}", json.dumps({"form": form}).encode())
+        bench.turn()
+        assert bench.json.requests == [(name, b"{}", form)]
+        assert bench.router.requests == []
+
+
+def test_json_with_an_unknown_envelope_is_refused() -> None:
+    with closing(VirtualLoop()) as loop, closing(Bench(loop)) as bench:
+        bench.send(b"v2x.cams.", b"{}", b'{"form": "json"}')
+        bench.turn()
+        assert (bench.json.requests, bench.router.refusals) == ([], [Reason.BAD_ENVELOPE])

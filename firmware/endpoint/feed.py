@@ -1,0 +1,78 @@
+"""Feed: received messages for the facilities process, on a private ZeroMQ socket."""
+
+import os
+
+import zmq
+from zmq.backend import Socket as PlainSocket
+
+from drivers.message import NO_MAC, Indication, Position
+from firmware.facilities.exchange import Received, packed
+
+# Messages that wait on each side of the socket. A process that falls behind loses later ones, and counts them by their
+# numbers.
+QUEUE = 256
+
+_send = PlainSocket.send
+_recv = PlainSocket.recv
+NOBLOCK = int(zmq.NOBLOCK)
+
+
+class Feed:
+    """Publishing socket for one subscriber: a process of the same user.
+
+    address  its ZeroMQ address, an abstract Unix socket.
+    sent     number of messages for this process; it receives the number with each message.
+    """
+
+    def __init__(self, context: zmq.Context[zmq.Socket[bytes]]) -> None:
+        self.address = f"ipc://@captain-{os.urandom(8).hex()}"
+        self.sent = 0
+        self._subscriptions = 0
+        self._socket = context.socket(zmq.XPUB)
+        self._socket.set(zmq.XPUB_VERBOSER, 1)
+        self._socket.set(zmq.SNDHWM, QUEUE)
+        self._socket.set(zmq.LINGER, 0)
+        self._socket.set(zmq.IPC_FILTER_UID, os.geteuid())
+        self._socket.bind(self.address)
+
+    def begin(self) -> None:
+        """Number the messages for a new process from 1."""
+        self.sent = 0
+
+    def send(self, one: Indication) -> bool:
+        """Send a message; return False if no process has subscribed yet."""
+        if not self.sent and not self._has_subscriber():
+            return False
+        self.sent += 1
+        _send(self._socket, packed(*_received(self.sent, one)), NOBLOCK)
+        return True
+
+    def close(self) -> None:
+        self._socket.close(0)
+
+    def _has_subscriber(self) -> bool:
+        while True:
+            try:
+                self._subscriptions += 1 if _recv(self._socket, NOBLOCK)[0] else -1
+            except zmq.Again:
+                return self._subscriptions > 0
+
+
+def _received(number: int, one: Indication) -> Received:
+    rx, quality = one.rx, one.quality
+    is_known = rx.position != Position()
+    return Received(
+        number,
+        one.kind.name,
+        one.pdu,
+        one.interface,
+        one.received_ns,
+        rx.btp_port,
+        rx.rssi_dbm,
+        rx.source or (rx.source_mac.hex(":") if rx.source_mac != NO_MAC else ""),
+        rx.position.latitude if is_known else None,
+        rx.position.longitude if is_known else None,
+        rx.security.status.name,
+        (quality.state.name.lower(), quality.error_ns, quality.offset_ns, quality.uncertainty_ns),
+        tuple(map(str, rx.implausible)),
+    )

@@ -1,0 +1,93 @@
+"""Conversion of received messages to the JSON of users, in both forms."""
+
+import json
+from collections.abc import Container, Iterator, Mapping
+
+from firmware.codec.decoding import Decoder, UndecodableError, doubt_record, joined, refusal_record
+from firmware.codec.library import Library, Message
+from firmware.codec.reading import Pdu
+from firmware.facilities.exchange import MAX_BODY, Received
+from firmware.topics import JSON_FORMS, PLAIN
+
+
+class Converter:
+    """Converts received messages.
+
+    library  the message library.
+    """
+
+    def __init__(self, library: Library) -> None:
+        self._decoder = Decoder(library)
+
+    def convert(self, one: Received, wanted: Container[bytes]) -> Iterator[tuple[bytes, bytes]]:
+        """Yield topic and JSON object of a message, in each form that users want.
+
+        edition    edition of the message.
+        type       message type.
+        reception  how the message was received.
+        message    decoded message; absent if it cannot be decoded.
+        error      reason why the message cannot be decoded, or why its JSON is too long; absent if it is decoded.
+        hint       likeliest cause, or the remedy; only with `error`.
+        pdu        octets of the message, hexadecimal; only with `error`.
+        """
+        topics = {form: f"{form}.{one.type}.".encode() for form in JSON_FORMS}
+        forms = [form for form in JSON_FORMS if topics[form] in wanted]
+        reception = reception_of(one)
+        pdu = Pdu(one.pdu, one.interface, one.btp_port)
+        try:
+            found = self._decoder.identify(pdu, is_quick=True)
+        except UndecodableError as error:
+            body = _unreadable(refusal_record(error), one, reception)
+            yield from ((topics[form], body) for form in forms)
+            return
+        head: dict[str, object] = {"edition": found.message.name, "type": found.message.type, "reception": reception}
+        head |= doubt_record(found)
+        for form in forms:
+            body = joined(head, "message", _text(found.message, one.pdu, form)).encode()
+            if len(body) > MAX_BODY:
+                told = {"error": f"JSON of {len(body)} octets; at most {MAX_BODY}", "hint": "decode `pdu`"}
+                body = _unreadable(told, one, reception)
+            yield topics[form], body
+
+
+def reception_of(one: Received) -> dict[str, object]:
+    """Return how a message was received.
+
+    interface    interface that received it.
+    received_ns  Unix time of reception in ns.
+    quality      quality of received_ns, as in `indication.`.
+    btp_port     BTP port; null if unknown.
+    rssi_dbm     signal strength in dBm; null if unknown.
+    source       MAC address of the sender, or its name at a broker; empty if unknown.
+    position     position of the sender in degrees by the packet's header; null if unknown.
+    security     result of the check of the signature: `none`, `invalid_fmt`, `verified_pkt` or `unverifiable_pkt`.
+    implausible  reasons why the message is implausible; absent for a plausible message.
+    """
+    state, error_ns, offset_ns, uncertainty_ns = one.quality
+    position = None
+    if one.latitude is not None and one.longitude is not None:
+        position = {"latitude": one.latitude / 1e7, "longitude": one.longitude / 1e7}
+    told: dict[str, object] = {
+        "interface": one.interface,
+        "received_ns": one.received_ns,
+        "quality": {
+            "state": state,
+            "error_ns": error_ns,
+            "offset_ns": offset_ns,
+            "uncertainty_ns": uncertainty_ns,
+        },
+        "btp_port": one.btp_port,
+        "rssi_dbm": one.rssi_dbm,
+        "source": one.source,
+        "position": position,
+        "security": one.security.lower(),
+    }
+    return told | {"implausible": one.implausible} if one.implausible else told
+
+
+def _text(message: Message, pdu: bytes, form: str) -> str:
+    return message.to_json(pdu, plain=True) if form == PLAIN else message.to_json(pdu)
+
+
+def _unreadable(told: Mapping[str, object], one: Received, reception: dict[str, object]) -> bytes:
+    return json.dumps({**told, "type": one.type, "pdu": one.pdu.hex(), "reception": reception}).encode()
