@@ -19,17 +19,18 @@ if TYPE_CHECKING:
     from rich.progress import TaskID
 
 DESCRIPTION = """\
-Sends facilities PDUs, which begin with the ITS PDU header, to the PULL port of
-a station. For each PDU it prints by which interface it was sent, how long it
-was queued, or why it was dropped.
+Sends messages to the PULL port of a station. For each message it prints by
+which interface it was sent, how long it was queued, or why it was dropped.
 
-The argument WHAT is a PDU as hexadecimal digits, a file, a folder of files, or
-- for standard input. Files contain, by their name:
+The argument WHAT is a PDU as hexadecimal digits, a JSON object, a file, a
+folder of files, or - for standard input. Files contain, by their name:
   .hex .txt  PDUs in hexadecimal, one per line; # begins a comment
   .b64       PDUs in base64, one per line
   .bin       one PDU
-  .json      objects like {"type": "cam", "hex": "0202..."}, one per line or
-             in a list, as of `captain listen --json`
+  .json      objects, one per line or in a list, as of `captain listen --json`
+             ({"type": "cam", "hex": "0202..."}) or `captain decode --json`
+             ({"edition": "cam-1.4.1", "message": {...}}): the station encodes
+             these, and fills in a missing header, time and position
 
 Standard input contains hexadecimal or JSON lines, unless --format is given.
 An invalid message is reported with its line; the others are sent.
@@ -46,6 +47,8 @@ examples:
         a GeoBroadcast into a circle of 500 m
   captain send --format base64 AgIAAAU5AAECAw==
         a CAM in base64
+  captain decode --json 0202... | jq '.message.header.stationID = 7' | captain send -
+        the same CAM of another station
   captain listen --json | captain send - --station 127.0.0.1:5565
         forward from one station to another
 
@@ -63,7 +66,9 @@ LINGER_MS = 2000  # time in ms for unsent messages at the end of --no-confirm
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("what", metavar="WHAT", nargs="+", help="hexadecimal digits, a file, a folder, or -")
+    parser.add_argument(
+        "what", metavar="WHAT", nargs="+", help="hexadecimal digits, a JSON object, a file, a folder, or -"
+    )
     parser.add_argument("--format", choices=payload.FORMATS, help="format of WHAT (default: by its name)")
     parser.add_argument(
         "--type", metavar="T", type=_type, help="type of all messages (cam, denm, ...); default: by messageID"
@@ -79,6 +84,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     pace.add_argument("--interval", metavar="S", type=seconds, help="seconds between two messages")
     wish = parser.add_argument_group("options of the messages")
     wish.add_argument("--interface", metavar="I", action="append", help="send by this interface only; may be repeated")
+    wish.add_argument("--plain", action="store_true", help="numbers in JSON are in SI units and degrees")
     wish.add_argument("--label", metavar="L", help="label in confirms; /NUMBER is added for each message")
     wish.add_argument(
         "--area",
@@ -116,6 +122,8 @@ def main(arguments: argparse.Namespace) -> int:
     account = Account(arguments.json)
     standard_input = io.BytesIO() if sys.stdin is None else sys.stdin.buffer
     payloads: Iterable[Payload] = account.valid(payload.read(arguments.what, arguments.format, standard_input))
+    if arguments.plain:
+        payloads = (one._replace(form="plain") if one.form == "json" else one for one in payloads)
     total = None
     if "-" not in arguments.what or arguments.count > 1:  # standard input may be endless, so it is not read in advance
         with account.failures:

@@ -13,17 +13,21 @@ from firmware.facilities.completing import Completion, replace_at, stand_in, typ
 from firmware.facilities.exchange import Ask
 from firmware.topics import PLAIN
 
+TOLD = 3  # number of faults in the text of an error
 MOST_FAULTS = 50  # largest number of faults that are listed
-NOT_SENT = frozenset({"edition", "message", "reception", "type"})  # members of what a station publishes
+NOT_SENT = frozenset(
+    {"edition", "message", "reception", "type", "warning", "others"}
+)  # members of what a station publishes
 
 
 class FaultsError(RequestError):
     """A message that cannot be encoded, with all faults that were found."""
 
     def __init__(self, what: str, faults: Sequence[Fault]) -> None:
-        path, problem, _ = faults[0]
-        more = f"; and {len(faults) - 1} more" if len(faults) > 1 else ""
-        super().__init__(f"{what}: {path or 'the message'}: {problem}{more}")
+        told = [f"{path or 'the message'}: {problem}" for path, problem, _ in faults[:TOLD]]
+        if len(faults) > TOLD:
+            told.append(f"and {len(faults) - TOLD} more faults")
+        super().__init__(f"{what}: {'; '.join(told)}")
         self.faults = tuple(faults[:MOST_FAULTS])
 
 

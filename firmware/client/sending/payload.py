@@ -1,6 +1,7 @@
 """Payloads for `captain send`: PDUs from text, files, folders and standard input."""
 
 import errno
+import json
 import os
 import re
 from base64 import b64decode
@@ -30,7 +31,8 @@ SUFFIXES = {
 }
 ACCEPTED = (
     "known are .hex and .txt (hexadecimal, one PDU per line); .b64 (base64, one per line); .bin (octets, one PDU); "
-    '.json (objects like {"type": "cam", "hex": "0202..."}, in a list or one per line); for others use --format'
+    ".json (objects of `captain decode --json` or `captain listen --json`, in a list or one per line); for others use "
+    "--format"
 )
 NAME_ONE = "name a file that exists, or give the PDU in hexadecimal; for base64 say --format base64"
 HEXADECIMAL = frozenset("0123456789abcdefABCDEF: \t")
@@ -38,22 +40,25 @@ TYPE = re.compile(r"[a-z0-9_]*")
 
 
 class Payload(NamedTuple):
-    """PDU to send.
+    """Message to send.
 
-    type    message type; empty: the station classifies the PDU by its header.
+    pdu     octets of the PDU, or of a JSON object.
+    type    message type; empty: the station classifies the message by its header or edition.
     origin  place in the input, such as file and line.
+    form    "octets", or the form of the JSON object: "json" or "plain".
     """
 
     pdu: bytes
     type: str
     origin: str
+    form: str = "octets"
 
 
 Item: TypeAlias = Payload | RequestError
 
 
 def read(sources: Iterable[str], form: str | None, standard_input: BinaryIO) -> Iterator[Item]:
-    """Yield the PDUs of each source: a file, a folder, `-` for standard input, or hexadecimal digits.
+    """Yield the messages of each source: a file, a folder, `-` for standard input, hexadecimal, or a JSON object.
 
     form  one of FORMATS; overrides the format found from a file's suffix or from the start of standard input.
 
@@ -76,6 +81,8 @@ def _source(source: str, form: str | None, standard_input: BinaryIO) -> Iterator
         yield from _standard_input(standard_input, form)
     elif os.path.isdir(source):
         yield from _folder(Path(source), form)
+    elif source.lstrip().startswith("{"):
+        yield from _json([source.encode()], "the argument")
     elif os.path.exists(source) or _looks_like_a_path(source, form):
         yield from _file(Path(source), form)
     else:
@@ -235,5 +242,7 @@ def _item(item: object, where: str) -> Payload:
         text = item.get(key)
         if isinstance(text, str):
             return Payload(decode(text, f"{where}: {key}"), kind.lower(), where)
-    remedy = "`captain encode` makes octets of a decoded message" if "message" in item else ACCEPTED
-    raise RequestError(f"{where}: `hex` or `base64` is missing", remedy)
+    if "message" in item:
+        members = {key: item[key] for key in ("edition", "message") if key in item}
+        return Payload(json.dumps(members).encode(), kind.lower(), where, "json")
+    raise RequestError(f"{where}: `message`, `hex` or `base64` is missing", ACCEPTED)

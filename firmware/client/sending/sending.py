@@ -108,7 +108,10 @@ class Sending:
         self.count += 1
         label = f"{self._label}/{self.count}"
         envelope = f"v2x.{kind}." if kind else "v2x."
-        frames = [envelope.encode(), one.pdu, json.dumps({**self._options, **(more or {}), "label": label}).encode()]
+        options = {**self._options, **(more or {}), "label": label}
+        if one.form != "octets":
+            options = {"form": one.form, **options}
+        frames = [envelope.encode(), one.pdu, json.dumps(options).encode()]
         # The flight is recorded before sending, because a signal may end the command at any time.
         lost = None if self._confirms is None else self.flights.depart(label, one.origin, len(one.pdu))
         self._pusher.send_multipart(frames, zmq.DONTWAIT)
