@@ -27,10 +27,11 @@ folder of files, or - for standard input. Files contain, by their name:
   .hex .txt  PDUs in hexadecimal, one per line; # begins a comment
   .b64       PDUs in base64, one per line
   .bin       one PDU
-  .json      objects, one per line or in a list, as of `captain listen --json`
-             ({"type": "cam", "hex": "0202..."}) or `captain decode --json`
-             ({"edition": "cam-1.4.1", "message": {...}}): the station encodes
-             these, and fills in a missing header, time and position
+  .json      objects of `captain listen --json` or `captain decode --json`,
+             one per line or in a list
+
+An object {"edition": "cam-1.4.1", "message": {...}} is encoded by the station.
+It fills in a missing header, time and position.
 
 Standard input contains hexadecimal or JSON lines, unless --format is given.
 An invalid message is reported with its line; the others are sent.
@@ -66,9 +67,8 @@ LINGER_MS = 2000  # time in ms for unsent messages at the end of --no-confirm
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "what", metavar="WHAT", nargs="+", help="hexadecimal digits, a JSON object, a file, a folder, or -"
-    )
+    what = "hexadecimal digits, a JSON object, a file, a folder, or -"
+    parser.add_argument("what", metavar="WHAT", nargs="+", help=what)
     parser.add_argument("--format", choices=payload.FORMATS, help="format of WHAT (default: by its name)")
     parser.add_argument(
         "--type", metavar="T", type=_type, help="type of all messages (cam, denm, ...); default: by messageID"

@@ -93,7 +93,7 @@ class Completion:
             return self._sequence(kind, {}, path)
         if UNAVAILABLE in names:
             return names[UNAVAILABLE] if kind.kind == "INTEGER" and ask.form != PLAIN else UNAVAILABLE
-        return self._fault(kind, path, _expected(kind))
+        return self._fault(kind, path, _expected(kind, ask.form))
 
     def _fault(self, kind: Type, path: str, problem: str) -> object:
         self.faults.append((path, f"missing: {problem}", None))
@@ -137,27 +137,27 @@ def value_at(value: object, path: str) -> object:
 
 
 def stand_in(kind: Type, form: str) -> object:
-    """Return a legal value of a simple type, or None if this needs more than its range."""
+    """Return a legal value of a simple type; None for any other type."""
     names = dict(kind.names)
     if kind.kind == "ENUMERATED" and names:
         return next(iter(names))
     if kind.kind != "INTEGER":
         return False if kind.kind == "BOOLEAN" else None
-    if UNAVAILABLE in names:
-        return UNAVAILABLE if form == PLAIN else names[UNAVAILABLE]
-    is_zero_valid = (kind.low is None or kind.low <= 0) and (kind.high is None or kind.high >= 0)
-    return 0 if is_zero_valid else kind.low if form != PLAIN else None
+    if form == PLAIN:
+        low, high, _ = kind.plain_range(kind.unit)
+        return kind.special[0] if kind.special else float(low or high or 0)
+    return next(number for number in (kind.low, kind.high, 0) if number is not None)
 
 
 def _is_needed(field: Field) -> bool:
     return not field.is_optional and field.default is None and not field.addition
 
 
-def _expected(kind: Type) -> str:
+def _expected(kind: Type, form: str) -> str:
     names = [field.name for field in kind.fields] or [name for name, _ in kind.names]
-    if kind.kind == "INTEGER" and kind.low is not None:
-        unit = f" of {kind.unit}" if kind.unit else ""
-        return f"{kind.low} to {kind.high}{unit}"
+    if kind.kind == "INTEGER":
+        low, high, unit = kind.plain_range(kind.unit) if form == PLAIN else (kind.low, kind.high, kind.unit)
+        return f"{low} to {high} {unit or ''}".rstrip()
     if names:
         return f"one of {', '.join(names[:10])}{', ...' if len(names) > 10 else ''}"
     return f"a {kind.kind}"

@@ -15,9 +15,8 @@ from firmware.topics import PLAIN
 
 TOLD = 3  # number of faults in the text of an error
 MOST_FAULTS = 50  # largest number of faults that are listed
-NOT_SENT = frozenset(
-    {"edition", "message", "reception", "type", "warning", "others"}
-)  # members of what a station publishes
+# Members of an object that a station publishes.
+MEMBERS = frozenset({"edition", "message", "reception", "type", "warning", "others"})
 
 
 class FaultsError(RequestError):
@@ -52,7 +51,7 @@ class Encoder:
             raise FaultsError("JSON", [("", "not an object", None)])
         value = found
         if "message" in found:
-            if strange := [key for key in found if key not in NOT_SENT]:
+            if strange := [key for key in found if key not in MEMBERS]:
                 raise FaultsError("JSON", [(key, "unknown member", None) for key in strange])
             value = found["message"]
             if not isinstance(value, dict):

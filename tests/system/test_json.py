@@ -27,7 +27,7 @@ def shared(launch_shared: Launcher) -> tuple[Bench, Reports]:
 
 @pytest.fixture
 def bench(shared: tuple[Bench, Reports]) -> Bench:
-    return shared[0]
+    return shared[0].settled()
 
 
 @pytest.fixture
@@ -183,3 +183,45 @@ def facilities_of(bench: Bench, killed: list[int]) -> int:
         return int(said["why"].split()[1]) if said["is_running"] else 0
 
     return pid(bench.station.until(lambda status: pid(status) not in (0, *killed)))
+
+
+def test_plain_json_is_encoded_and_published_in_si_units(bench: Bench, reports: Reports) -> None:
+    reports.sub.subscribe(b"plain.")
+    push(bench, b"v2x.cam.", cam(speed={"speedValue": 13.9}, vehicleLength={"vehicleLengthValue": 4.5}), "si", "plain")
+    assert [one["outcome"] for one in reports.confirms_of("si", 2)] == ["accepted", "sent"]
+    pdu = bench.air.hear().pdu
+    said: dict[str, Any] = {}
+    while not said:
+        bench.air.send(pdu)
+        reports.next("json.cam.")
+        said = next_plain(reports)
+    reports.sub.unsubscribe(b"plain.")
+    parameters = said["message"]["cam"]["camParameters"]
+    assert parameters["basicContainer"]["referencePosition"]["latitude"] == POSITION["latitude"]
+    container = parameters["highFrequencyContainer"]["basicVehicleContainerHighFrequency"]
+    assert container["speed"] == {"speedValue": 13.9, "speedConfidence": "unavailable"}
+    assert container["vehicleLength"]["vehicleLengthValue"] == 4.5
+
+
+def next_plain(reports: Reports) -> dict[str, Any]:
+    """Return the object of `plain.` that arrives soon; empty if none does."""
+    while reports.sub.poll(JOIN_MS):
+        topic, body = reports.sub.recv_multipart()
+        if topic == b"plain.cam.":
+            found: dict[str, Any] = json.loads(body)
+            return found
+    return {}
+
+
+@pytest.mark.parametrize(
+    ("component", "value"),
+    [("speedValue", 163.83), ("speedValue", "fast"), ("speedValue", -0.1), ("speedConfidence", 1e999)],
+)
+def test_plain_json_out_of_range_is_refused_with_the_range(
+    bench: Bench, reports: Reports, component: str, value: object
+) -> None:
+    push(bench, b"v2x.cam.", cam(speed={"speedValue": 13.9, component: value}), "bad", "plain")
+    (refused,) = reports.confirms_of("bad", 1)
+    (fault,) = refused["invalid"]
+    assert fault["path"].endswith(f"speed.{component}")
+    assert fault["problem"]

@@ -84,7 +84,7 @@ def _console(guest: Guest) -> Iterator[Row]:
     yield Row("the serial console shows a screen", f"{time.monotonic() - started:.1f} s after the kernel", "", True)
     screen.wait(HEAD)
     yield Row("the station is on it", f"{time.monotonic() - started:.1f} s after the kernel", "", True)
-    screen.wait("(?s)nobody is asked.*keys: s shell")
+    screen.wait(r"(?s)without\s+authentication.*keys: s shell")
     screen.settle()  # a code may have come in part
     is_plain, width = ALLOWED.fullmatch(screen.sent) is not None, max(map(len, screen.text.splitlines()))
     yield Row("what it sends", f"{'ASCII, VT100' if is_plain else 'more'}, {width} columns",

@@ -143,7 +143,7 @@ def test_octets_of_standard_input_are_one_pdu():
         ("x.json", b"", "it holds no PDU"),
         ("x.json", b"[1]", "item 0: '1' is not an object"),
         ("x.json", b'[{"hex": "0"}]', "item 0: hex: 1 hexadecimal digits"),
-        ("x.json", b'[{"hex": 7}]', "item 0: `hex` or `base64` is missing"),
+        ("x.json", b'[{"hex": 7}]', "item 0: `message`, `hex` or `base64` is missing"),
         ("x.json", b'[{"hex": "02", "type": "a.b"}]', "item 0: type 'a.b' is not a name of a type"),
         ("x.json", b"[{", "it is not JSON: Expecting property name enclosed in double quotes at line 1, character 3"),
         ("x.jsonl", b'{"hex": "02"}\n{"hex"}\n', "line 2: it is not JSON"),
@@ -229,3 +229,10 @@ def test_a_source_that_is_absent_leaves_the_others(tmp_path):
 
 def test_lines_of_standard_input_are_counted_from_its_first():
     assert "line 3: character 1" in refusal("-", given_octets=b"\n\nzz\n").message
+
+
+def test_json_of_a_message_is_left_to_the_station_without_the_members_of_its_reception():
+    text = '{"edition": "cam-1.4.1", "type": "cam", "octets": 46, "message": {"cam": {}}}'
+    for found in (read(text), read("-", given_octets=text.encode())):
+        ((pdu, kind, _, form),) = found
+        assert (json.loads(pdu), kind, form) == ({"edition": "cam-1.4.1", "message": {"cam": {}}}, "cam", "json")
