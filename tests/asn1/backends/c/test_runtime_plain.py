@@ -42,6 +42,14 @@ Mantissa ::= INTEGER (1..100)
 Delay ::= INTEGER (1..65535, ...)
 /** @unit ms */
 Free ::= INTEGER
+/** @unit 1/1024 m */
+Eighths ::= INTEGER (0..4294967295)
+/** @unit 999999/7 km/h */
+Vast ::= INTEGER (0..1000000000000)
+/** @unit 0.1234567890123456789012 m */
+Fine ::= INTEGER (0..255)
+/** @unit 1/0 m */
+Nothing ::= INTEGER (0..255)
 /** @unit 0.05 m */
 Height ::= INTEGER {outOfRange(126), unavailable(127)} (1..128)
 Code ::= INTEGER {unavailable(0), fire(1)} (0..255)
@@ -63,7 +71,7 @@ Set ::= SEQUENCE {
 )
 NAMES = (
     "Speed", "Latitude", "Limit", "Course", "Curvature", "Mass", "Pressure", "Minutes", "Moment", "Chance", "Persons",
-    "Mantissa", "Delay", "Free", "Height", "Code", "Number", "Colour", "Lights", "Flags", "Controls", "Bits", "Set", "Special",
+    "Mantissa", "Delay", "Free", "Height", "Eighths", "Vast", "Fine", "Nothing", "Code", "Number", "Colour", "Lights", "Flags", "Controls", "Bits", "Set", "Special",
 )  # fmt: skip
 
 
@@ -102,6 +110,10 @@ def types() -> Compiled:
         ("Delay", "65536", "655.36"),
         ("Free", "-9223372036854775808", "-9223372036854775.808"),
         ("Free", "9223372036854775807", "9223372036854775.807"),
+        ("Eighths", "4294967295", "4194303.999023438"),
+        ("Vast", "1000000000000", "1000000000000"),  # a step of this size and range is not converted
+        ("Fine", "255", "255"),
+        ("Nothing", "255", "255"),
         ("Height", "126", '"outOfRange"'),
         ("Height", "128", "6.4"),
         ("Code", "0", '"unavailable"'),

@@ -348,7 +348,7 @@ static bool next_step(void *context, const captain_step *step)
 }
 
 /* JSON with errors: what is read nevertheless can be encoded, written, and read again. */
-static void check_changed_json(const captain_type *type, size_t length)
+static void check_changed_json(const captain_type *type, bool is_plain, size_t length)
 {
     static const char PARTS[] = "{}[]\",:0123456789-+.eE\\u\x80\xff\x01tfn ";
     captain_report report;
@@ -364,7 +364,7 @@ static void check_changed_json(const captain_type *type, size_t length)
     memcpy(exact, written, length);
     captain_arena arena;
     captain_arena_init(&arena, memory[2], chance(20) ? 100 : sizeof memory[2]);
-    captain_status status = captain_json_read(type, values[2], exact, length, &arena, &report);
+    captain_status status = (is_plain ? captain_json_read_plain : captain_json_read)(type, values[2], exact, length, &arena, &report);
     if (status != CAPTAIN_OK && report.text[0] == 0)
         fail("a refusal of JSON says nothing", NULL, 0);
     if (status == CAPTAIN_OK && captain_encode(type, values[2], again, sizeof again, &bits) != captain_explain_value(type, values[2], false, &report))
@@ -374,11 +374,12 @@ static void check_changed_json(const captain_type *type, size_t length)
     free(exact);
 }
 
-/* JSON and back: the same value, the same octets. */
+/* JSON of a dialect and back: the same value, the same octets. */
 static void check_json(const captain_type *type, const void *value, const uint8_t *octets, size_t size)
 {
+    bool is_plain = chance(2);
     FILE *out = fmemopen(written, sizeof written, "w");
-    captain_status status = captain_json_write(type, value, put, out);
+    captain_status status = (is_plain ? captain_json_write_plain : captain_json_write)(type, value, put, out);
     size_t length = (size_t)ftell(out), bits;
     fclose(out);
     captain_arena arena;
@@ -386,7 +387,7 @@ static void check_json(const captain_type *type, const void *value, const uint8_
     captain_arena_init(&arena, memory[2], sizeof memory[2]);
     if (status != CAPTAIN_OK)
         fail("JSON cannot be written", octets, size);
-    status = captain_json_read(type, values[2], written, length, &arena, &report);
+    status = (is_plain ? captain_json_read_plain : captain_json_read)(type, values[2], written, length, &arena, &report);
     if (status != CAPTAIN_OK)
         printf("%.*s\n%s: %s\n", (int)length, written, report.path, report.text);
     if (status != CAPTAIN_OK)
@@ -398,7 +399,7 @@ static void check_json(const captain_type *type, const void *value, const uint8_
     captain_encode(type, value, encoded, sizeof encoded, &bits);
     if (memcmp(again, encoded, (bits + 7) / 8) != 0)
         fail("what came from JSON has other octets", octets, size);
-    check_changed_json(type, length);
+    check_changed_json(type, is_plain, length);
 }
 
 /* What is told about octets by both decoders. */

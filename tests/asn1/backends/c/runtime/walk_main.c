@@ -7,7 +7,7 @@
  *   unit T N|UNIT    prints a number of a type of its own that has this unit
  *   init T           writes a value to start from
  *   explain T HEX    steps, then the status
- *   fuzz T RUNS TEXT explain over octets at random, json_read and what follows over a text with errors at random
+ *   fuzz T RUNS TEXT explain over octets at random, json_read and what follows over a text with errors at random, both dialects
  */
 #define _POSIX_C_SOURCE 200809L /* fmemopen */
 #include "every.h"
@@ -100,8 +100,10 @@ static void fuzz_octets(const captain_type *type)
     free(exact);
 }
 
-static void fuzz_json(const captain_type *type, const char *seed, size_t length)
+static void fuzz_json(const captain_type *type, bool is_plain, const char *seed, size_t length)
 {
+    captain_status (*read)(const captain_type *, void *, const char *, size_t, captain_arena *, captain_report *) =
+        is_plain ? captain_json_read_plain : captain_json_read;
     static const char PARTS[] = "{}[]\",:0123456789-+.eE\\u\x80\xff\x01tfn ";
     static char written[LINE];
     size_t count = length, seen = 0;
@@ -120,16 +122,16 @@ static void fuzz_json(const captain_type *type, const char *seed, size_t length)
     captain_arena arena;
     captain_report report;
     captain_arena_init(&arena, memory, next_random() % 16 == 0 ? 64 : sizeof memory);
-    if (captain_json_read(type, values[0], text, count, &arena, &report) == CAPTAIN_OK) {
+    if (read(type, values[0], text, count, &arena, &report) == CAPTAIN_OK) {
         FILE *out = fmemopen(written, sizeof written, "w");
-        if (captain_json_write(type, values[0], put, out) != CAPTAIN_OK)
+        if ((is_plain ? captain_json_write_plain : captain_json_write)(type, values[0], put, out) != CAPTAIN_OK)
             abort();
         long end = ftell(out);
         fclose(out);
         if (captain_print(type, values[0], swallow, &seen) != CAPTAIN_OK || captain_explain_value(type, values[0], false, &report) != CAPTAIN_OK)
             abort();
         captain_arena_init(&arena, memory + MEMORY / 16, sizeof memory / 2);
-        if (captain_json_read(type, values[1], written, (size_t)end, &arena, &report) != CAPTAIN_OK || !captain_equal(type, values[0], values[1]))
+        if (read(type, values[1], written, (size_t)end, &arena, &report) != CAPTAIN_OK || !captain_equal(type, values[0], values[1]))
             abort();
     } else if (report.text[0] == 0) {
         abort();
@@ -143,9 +145,18 @@ static void fuzz(const captain_type *type, char *argument)
     char *seed;
     unsigned long runs = strtoul(argument, &seed, 10);
     size_t length = strlen(++seed);
+    static char plain[LINE];
+    captain_arena arena;
+    captain_arena_init(&arena, memory, sizeof memory);
+    bool is_whole = captain_json_read(type, values[0], seed, length, &arena, NULL) == CAPTAIN_OK;
+    FILE *out = fmemopen(plain, sizeof plain, "w");
+    if (is_whole && captain_json_write_plain(type, values[0], put, out) != CAPTAIN_OK)
+        abort();
+    fclose(out);
     for (unsigned long i = 0; i < runs; i++) {
         fuzz_octets(type);
-        fuzz_json(type, seed, length);
+        fuzz_json(type, false, seed, length);
+        fuzz_json(type, true, is_whole ? plain : seed, is_whole ? strlen(plain) : length);
     }
     puts("done");
 }
