@@ -5,6 +5,7 @@ A line that does not begin a JSON value is an item of its own.
 
 import json
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple, NoReturn
 
@@ -55,10 +56,10 @@ def split(lines: Iterable[str]) -> Iterator[Text]:
 def parse(text: str, where: str) -> object:
     """Return the JSON value of a text.
 
-    Raises RequestError with line and character if it is invalid, or contains NaN or Infinity.
+    Raises RequestError with line and character if it is invalid; also for NaN, Infinity and duplicate members.
     """
     try:
-        return json.loads(text, parse_constant=_no_number)
+        return json.loads(text, parse_constant=_no_number, object_pairs_hook=_members)
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, character {error.colno}"
         raise RequestError(f"{where}: it is not JSON: {error.msg} at {place}") from error
@@ -68,3 +69,11 @@ def parse(text: str, where: str) -> object:
 
 def _no_number(name: str) -> NoReturn:
     raise ValueError(f"{name} is not a JSON number")
+
+
+def _members(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    members = dict(pairs)
+    if len(members) < len(pairs):
+        twice, _ = Counter(name for name, _ in pairs).most_common(1)[0]
+        raise ValueError(f"the member {twice[:60]} is there twice")
+    return members

@@ -62,6 +62,11 @@ def test_what_is_no_json_is_refused_with_its_place(text):
         parse(text, "here")
 
 
+def test_a_duplicate_member_is_refused_by_name():
+    with pytest.raises(RequestError, match="here: it is not JSON: the member b is there twice"):
+        parse('{"a": {"b": 1, "c": 2, "b": 3}}', "here")
+
+
 @given(st.lists(st.text(), max_size=6))
 def test_no_line_is_lost_but_empty_ones(texts):
     given_lines = [text.replace("\n", " ") + "\n" for text in texts]
