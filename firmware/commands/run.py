@@ -87,7 +87,7 @@ def main(arguments: argparse.Namespace) -> int:
     )
     wanted = source.load()
     for path in wanted.types:
-        logging.getLogger("captain").info("%s: message types of your own, beside those of the configuration", path)
+        logging.getLogger("captain").info("registered message types of %s", path)
     raise_descriptors()
     loop = Loop()
     station = Station(loop, wanted, source)

@@ -255,8 +255,9 @@ def configuration(read: Callable[[], Config]) -> tuple[Config | None, list[Findi
         *rest, last = mistakes(error)
         found = [Finding(Level.PROBLEM, "configuration", line) for line in rest]
         return None, [*found, Finding(Level.PROBLEM, "configuration", last, error.hint)]
+    registered = [Finding(Level.OK, "configuration", f"registered message types of {path}") for path in config.types]
     names = ", ".join(f"{one.name} ({one.queue.driver})" for one in config.interfaces)
     if names:
-        return config, [Finding(Level.OK, "configuration", f"interfaces {names}")]
+        return config, [Finding(Level.OK, "configuration", f"interfaces {names}"), *registered]
     remedy = "give the station an [interfaces.NAME] with a driver, or take --board sim"
-    return config, [Finding(Level.WARNING, "configuration", "it has no interface", remedy)]
+    return config, [Finding(Level.WARNING, "configuration", "it has no interface", remedy), *registered]

@@ -62,6 +62,15 @@ def test_json_is_a_list_of_findings(block, capsys):
     assert [one["text"] for one in found if one["level"] == "warning"] == ["it has no interface"]
 
 
+def test_file_of_registered_message_types_is_named(block, tmp_path, monkeypatch, capsys):
+    path = tmp_path / "types.toml"
+    path.write_text('[[types]]\nnumber = 200\nname = "hello"\n')
+    monkeypatch.setenv("CAPTAIN_TYPES", str(path))
+    assert cli.main(["doctor", "--json", "--board", "none", *options(block)]) == 0
+    found = [one["text"] for one in json.loads(capsys.readouterr().out) if one["subject"] == "configuration"]
+    assert f"registered message types of {path}" in found
+
+
 def test_each_mistake_of_the_configuration_is_a_problem(tmp_path, capsys):
     path = tmp_path / "captain.toml"
     path.write_text('[station]\nnam = "a"\n[endpoint]\npull = 70000\n')
