@@ -43,6 +43,14 @@ def test_a_schema_refuses_exactly_the_mutations_that_the_library_refuses(edition
         assert fits.is_valid({"edition": edition, "message": one.value}) != is_refused, (one.what, one.path)
 
 
+@pytest.mark.parametrize("edition", EDITIONS)
+@pytest.mark.parametrize("is_plain", [False, True])
+def test_example_of_each_edition_fits_both_schemas(edition: str, is_plain: bool):
+    message = captain_messages.find(edition)
+    text = message.to_json(message.encode(message.example()), plain=is_plain)
+    dialects.validator(edition, is_plain).validate({"edition": edition, "message": json.loads(text)})
+
+
 def leaf(is_plain: bool, path: str) -> Any:
     """The schema of a component of the CAM."""
     whole = schema(CAM, is_plain)
