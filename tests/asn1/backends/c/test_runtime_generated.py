@@ -13,7 +13,7 @@ from asn1.backends.c import library
 from tests.asn1.compiled import schema_of
 from tests.asn1.walker import BUILD, RUNTIME, build_comparison
 
-# What the standards use and what they might.
+# Constructs of the standards, and others that X.680 allows.
 MODULE = """
 Constant ::= INTEGER (7)
 Offset ::= INTEGER (-5..10)
