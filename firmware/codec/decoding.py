@@ -7,9 +7,10 @@ from board.runtime.errors import RequestError
 from firmware.codec import causes
 from firmware.codec.foreign import message_frame
 from firmware.codec.identify import Identifier, Identity, Refusal, Unknown
-from firmware.codec.library import PLAIN, Library, editions
+from firmware.codec.library import Library, editions
 from firmware.codec.reading import Pdu
 from firmware.printable import failure_record
+from firmware.topics import PLAIN
 
 _NOT_ASCII = re.compile(r"[^ -~]")
 

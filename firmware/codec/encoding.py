@@ -7,8 +7,9 @@ from typing import NamedTuple
 from board.runtime.describe import remedy
 from board.runtime.errors import RequestError
 from drivers.wire.editions import names, of_header
-from firmware.codec.library import FORMS, PLAIN, Message, strict_name
-from firmware.codec.reading import Object
+from firmware.codec.library import Message, strict_name
+from firmware.codec.reading import Object, Pdu, pdu_of, port_of, when_ns
+from firmware.topics import JSON_FORMS, PLAIN
 
 _FIELDS = "an object of the fields, as `captain decode` shows"
 
@@ -69,9 +70,21 @@ def encode(one: Object, wish: Wish) -> Encoded:
 
 def _is_plain(one: Object, wish: Wish) -> bool:
     form = one.value.get("form") if "message" in one.value else None
-    if form not in (None, *FORMS):
-        raise RequestError(f"{one.origin}: form: unknown form {json.dumps(form)[:40]}", f"use {' or '.join(FORMS)}")
+    if form not in (None, *JSON_FORMS):
+        known = " or ".join(JSON_FORMS)
+        raise RequestError(f"{one.origin}: form: unknown form {json.dumps(form)[:40]}", f"use {known}")
     return wish.is_plain if form is None else form == PLAIN
+
+
+def pdu_from(item: Pdu | Object, wish: Wish) -> tuple[Pdu, str]:
+    """Return the PDU of an item, and a warning or "". Octets of a JSON object come before its fields: they are exact.
+
+    Raises RequestError as encode() and pdu_of() do.
+    """
+    if isinstance(item, Pdu) or "hex" in item.value or "base64" in item.value or "message" not in item.value:
+        return pdu_of(item), ""
+    made = encode(item, wish)
+    return Pdu(made.octets, item.origin, port_of(item), when_ns(item)), made.warning
 
 
 def _message(one: Object) -> dict[str, object] | list[object]:

@@ -10,8 +10,6 @@ from board.runtime.describe import remedy
 from board.runtime.errors import RequestError, StationError
 from drivers.wire.type_tree import Type
 
-PLAIN = "plain"
-FORMS = ("json", PLAIN)  # values of `form`: the exact and the plain dialect of JSON
 FORM = "-ext"  # suffix of the -ext form (asn1/editions.toml, form_of)
 
 

@@ -242,8 +242,7 @@ def pdu_of(one: Pdu | Object) -> Pdu:
             octets = base64_octets(text, where) if key == "base64" else hex_octets(text, where, "")
             pdu = opened(octets, one.origin)
             return pdu._replace(port=port_of(one) if pdu.port is None else pdu.port, when_ns=when_ns(one))
-    remedy = "`captain encode` makes octets of a decoded message" if "message" in one.value else ""
-    raise RequestError(f"{one.origin}: `hex` or `base64` is missing", remedy)
+    raise RequestError(f"{one.origin}: `message`, `hex` or `base64` is missing")
 
 
 def when_ns(one: Object) -> int | None:

@@ -6,9 +6,9 @@ from firmware.client.show.failures import Failures
 from firmware.codec import library, writing
 from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each
 from firmware.codec.decoding import Decoder
-from firmware.codec.encoding import Wish, encode
+from firmware.codec.encoding import Wish, pdu_from
 from firmware.codec.foreign import message_frame
-from firmware.codec.reading import Object, Pdu, pdu_of, port_of, when_ns
+from firmware.codec.reading import Object, Pdu, pdu_of
 
 DESCRIPTION = f"""\
 Writes messages in another format: hexadecimal, base64, binary, JSON (decoded),
@@ -79,13 +79,13 @@ class Conversion:
 
     def _from_json(self, one: Object) -> Pdu:
         """Return the PDU of a JSON object; given octets are preferred to fields, since they are exact."""
-        if "hex" in one.value or "base64" in one.value:
+        if "message" not in one.value:
             return pdu_of(one)
         known = self._codec().known
-        made = encode(one, Wish(known, self._edition, library.load().all(), self._is_forced))
-        if made.warning:
-            self._failures.warn(made.warning)
-        return Pdu(made.octets, one.origin, port_of(one), when_ns(one))
+        pdu, warning = pdu_from(one, Wish(known, self._edition, library.load().all(), self._is_forced))
+        if warning:
+            self._failures.warn(warning)
+        return pdu
 
     def _codec(self) -> Decoder:
         if self._decoder is None:

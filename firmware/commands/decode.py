@@ -8,8 +8,9 @@ from firmware.client.show.table import Table, lines_for, width_of
 from firmware.codec import library
 from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each, print_json
 from firmware.codec.decoding import Decoder, record
+from firmware.codec.encoding import Wish, pdu_from
 from firmware.codec.library import Message
-from firmware.codec.reading import Object, Pdu, pdu_of
+from firmware.codec.reading import Object, Pdu
 from firmware.codec.showing import tree
 
 DESCRIPTION = f"""\
@@ -72,14 +73,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    decoder = Decoder(library.load(), arguments.edition, arguments.force)
+    codec = library.load()
+    decoder = Decoder(codec, arguments.edition, arguments.force)
+    wish = Wish(decoder.known, arguments.edition, codec.all(), arguments.force)
     is_json = arguments.json or arguments.plain
     if arguments.list:
         _list(decoder.known, is_json)
         return 0
 
     def decode(item: Pdu | Object) -> None:
-        pdu = pdu_of(item)
+        pdu, _ = pdu_from(item, wish)
         found = decoder.identify(pdu)
         text = record(pdu, found, arguments.plain) if is_json else tree(pdu, found, width_of(sys.stdout))
         print(text, flush=True)

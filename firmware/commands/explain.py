@@ -9,8 +9,9 @@ from firmware.client.show.table import Table, plain, width_of
 from firmware.codec import bits, library
 from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each, print_json
 from firmware.codec.decoding import Decoder, UndecodableError, doubt_record
+from firmware.codec.encoding import Wish, pdu_from
 from firmware.codec.library import Message
-from firmware.codec.reading import Pdu, pdu_of
+from firmware.codec.reading import Object, Pdu
 from firmware.printable import clean
 
 DESCRIPTION = f"""\
@@ -51,8 +52,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    decoder = Decoder(library.load(), arguments.edition, arguments.force)
-    return each(arguments, lambda item: _explain(pdu_of(item), decoder, arguments.json), arguments.json)
+    codec = library.load()
+    decoder = Decoder(codec, arguments.edition, arguments.force)
+    wish = Wish(decoder.known, arguments.edition, codec.all(), arguments.force)
+
+    def explain(item: Pdu | Object) -> None:
+        pdu, _ = pdu_from(item, wish)
+        _explain(pdu, decoder, arguments.json)
+
+    return each(arguments, explain, arguments.json)
 
 
 def _explain(pdu: Pdu, decoder: Decoder, is_json: bool) -> None:

@@ -24,6 +24,7 @@ class Converter:
 
         edition    edition of the message.
         type       message type.
+        form       `plain` on `plain.<type>.`; absent on `json.<type>.`.
         reception  how the message was received.
         message    decoded message; absent if it cannot be decoded.
         error      reason why the message cannot be decoded, or why its JSON is too long; absent if it is decoded.
@@ -43,7 +44,8 @@ class Converter:
         head: dict[str, object] = {"edition": found.message.name, "type": found.message.type, "reception": reception}
         head |= doubt_record(found)
         for form in forms:
-            body = joined(head, "message", _text(found.message, one.pdu, form)).encode()
+            told = head | {"form": PLAIN} if form == PLAIN else head
+            body = joined(told, "message", _text(found.message, one.pdu, form)).encode()
             if len(body) > MAX_BODY:
                 told = {"error": f"JSON of {len(body)} octets; at most {MAX_BODY}", "hint": "decode `pdu`"}
                 body = _unreadable(told, one, reception)

@@ -11,12 +11,12 @@ from firmware.codec.library import Library, Message
 from firmware.facilities import strict_json
 from firmware.facilities.completing import Completion, replace_at, stand_in, type_at, value_at
 from firmware.facilities.exchange import Ask
-from firmware.topics import PLAIN
+from firmware.topics import JSON_FORMS, PLAIN
 
 TOLD = 3  # number of faults in the text of an error
 MOST_FAULTS = 50  # largest number of faults that are listed
 # Members of an object that a station publishes.
-MEMBERS = frozenset({"edition", "message", "reception", "type", "warning", "others"})
+MEMBERS = frozenset({"edition", "form", "message", "reception", "type", "warning", "others"})
 
 
 class FaultsError(RequestError):
@@ -56,6 +56,10 @@ class Encoder:
             value = found["message"]
             if not isinstance(value, dict):
                 raise FaultsError("JSON", [("message", "not an object", value)])
+            form = found.get("form", ask.form)
+            if form not in JSON_FORMS:
+                raise FaultsError("JSON", [("form", f"unknown form; {' or '.join(JSON_FORMS)}", form)])
+            ask = ask._replace(form=form)
         message = self._message(ask, found.get("edition") if "message" in found else None, value)
         return _encode(message, ask, value)
 

@@ -7,9 +7,9 @@ from typing import BinaryIO, Literal
 from board.runtime.errors import ProtocolError, RequestError
 from drivers.wire import frame as ethernet
 from drivers.wire.geonet.header import HeaderType
-from firmware.codec.encoding import Wish, encode
+from firmware.codec.encoding import Wish, pdu_from
 from firmware.codec.library import load
-from firmware.codec.reading import Item, Object, Pdu, Reader, pdu_of, port_of, when_ns
+from firmware.codec.reading import Item, Object, Pdu, Reader, pdu_of
 from firmware.recordings import capture, layers
 from firmware.recordings.pcapng import Direction
 from firmware.replay.reasons import count
@@ -93,12 +93,8 @@ def _framed(frame: capture.Frame, packet: bytes) -> bytes:
 
 
 def _encoded(one: Object) -> Pdu:
-    """Return the PDU of a JSON object; given octets are preferred to fields, since they are exact.
-
-    Raises RequestError.
-    """
-    if "hex" in one.value or "base64" in one.value:
+    """Return the PDU of a JSON object. Raises RequestError."""
+    if "message" not in one.value:
         return pdu_of(one)
     known = sorted(load().all(), key=lambda message: (message.type, message.rank))
-    octets = encode(one, Wish(known, None, known)).octets
-    return Pdu(octets, one.origin, port_of(one), when_ns(one))
+    return pdu_from(one, Wish(known, None, known))[0]

@@ -225,3 +225,11 @@ def test_plain_json_out_of_range_is_refused_with_the_range(
     (fault,) = refused["invalid"]
     assert fault["path"].endswith(f"speed.{component}")
     assert fault["problem"]
+
+
+def test_plain_object_of_the_station_is_sent_back_by_its_own_form(bench: Bench, reports: Reports) -> None:
+    push(bench, b"v2x.", cam(speed={"speedValue": 13.9}) | {"form": "plain"}, "form")
+    assert [one["outcome"] for one in reports.confirms_of("form", 2)] == ["accepted", "sent"]
+    push(bench, b"v2x.", cam() | {"form": "xml"}, "xml")
+    (refused,) = reports.confirms_of("xml", 1)
+    assert [one["path"] for one in refused["invalid"]] == ["form"]

@@ -243,6 +243,6 @@ def _item(item: object, where: str) -> Payload:
         if isinstance(text, str):
             return Payload(decode(text, f"{where}: {key}"), kind.lower(), where)
     if "message" in item:
-        members = {key: item[key] for key in ("edition", "message") if key in item}
+        members = {key: item[key] for key in ("edition", "form", "message") if key in item}
         return Payload(json.dumps(members).encode(), kind.lower(), where, "json")
     raise RequestError(f"{where}: `message`, `hex` or `base64` is missing", ACCEPTED)
