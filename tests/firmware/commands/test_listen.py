@@ -80,7 +80,7 @@ def marked(*reports: tuple[bytes, ...]) -> FakeStation:
 
 
 def shown(station: FakeStation, capsys, wanted: str, *options: str) -> str:
-    """What is printed, once it has what is wanted: marks come by a connection of their own, on a busy machine later."""
+    """Return the output once it has the wanted text: marks have a connection of their own, and may come later."""
     for _ in range(1000):
         assert listened(station, *options) == 0
         if wanted in (said := capsys.readouterr().out):
