@@ -117,22 +117,28 @@ static void explained(captain_status status, captain_status exact, const uint8_t
     require(agree(exact, captain_explain(&FUZZ_TYPE, octets, size, follow, &at, &report)), "steps end in another status");
 }
 
-static void written(const void *value)
+static void written_as_json(const void *value, bool is_plain)
 {
     captain_arena arena;
-    size_t count = 0;
-    require(captain_print(&FUZZ_TYPE, value, count_only, &count) == CAPTAIN_OK && count > 0, "print fails");
     json.count = 0;
-    captain_status status = captain_json_write(&FUZZ_TYPE, value, append, &json);
+    captain_status status = (is_plain ? captain_json_write_plain : captain_json_write)(&FUZZ_TYPE, value, append, &json);
     if (status == CAPTAIN_NO_SPACE)
         return;
     require(status == CAPTAIN_OK, "JSON cannot be written");
     void *again = start(&arena, 1);
-    status = captain_json_read(&FUZZ_TYPE, again, json.characters, json.count, &arena, NULL);
+    status = (is_plain ? captain_json_read_plain : captain_json_read)(&FUZZ_TYPE, again, json.characters, json.count, &arena, NULL);
     if (status == CAPTAIN_NO_MEMORY)
         return;
     require(status == CAPTAIN_OK, "JSON cannot be read back");
     require(captain_equal(&FUZZ_TYPE, value, again), "JSON comes back as another value");
+}
+
+static void written(const void *value)
+{
+    size_t count = 0;
+    require(captain_print(&FUZZ_TYPE, value, count_only, &count) == CAPTAIN_OK && count > 0, "print fails");
+    written_as_json(value, false);
+    written_as_json(value, true);
 }
 
 static void encoded_again(const void *value)

@@ -56,7 +56,7 @@ def validator(edition: str, is_plain: bool) -> Any:
 
 
 def failures(task: Task) -> tuple[str, list[str]]:
-    """What is wrong with the values of a task; the first `checked` values are compared with the schemas."""
+    """Return the faults of the values of a task; the first `checked` values are compared with the schemas."""
     codec, found = captain_messages.find(task.edition), []
     validators = {is_plain: validator(task.edition, is_plain) for is_plain in (False, True)}
     for number, octets in enumerate(octets_of(task.edition, task.seed, task.count)):

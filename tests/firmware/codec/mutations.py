@@ -8,7 +8,7 @@ LARGE = 10**30
 
 
 class Mutation(NamedTuple):
-    """what: kind of the mutation. path: of the member or leaf, with its indices."""
+    """A changed value. what: kind of the change. path: path of the member or leaf, with its indices."""
 
     what: str
     path: tuple[str | int, ...]

@@ -341,5 +341,5 @@ def test_a_value_to_start_from_has_defaults_and_nothing_optional(walker: Walker)
 
 
 def test_texts_with_errors_at_random_do_no_harm_in_both_dialects(walker: Walker) -> None:
-    # What is read is written, read again and compared; a sanitizer ends the program at a fault.
+    # Each accepted text is written, read again and compared; a sanitizer ends the program at a fault.
     assert walker.ask("fuzz", "Every", f"3000 {every()}") == "done\n"
