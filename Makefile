@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .PHONY: help setup packages run codec import-check docs reference test fresh test-binary test-binary-directory test-binary-file check arcs mutants portable fuzz truth dialects \
-	bench bench-station bench-messages bench-v2n bench-time bench-record bench-ros2 bench-before lab meter attack chaos outages fleet swarm \
+	bench bench-station bench-json bench-messages bench-v2n bench-time bench-record bench-ros2 bench-before lab meter attack chaos outages fleet swarm \
 	kernel ros2 clock days chronyd binary image image-test programs programs-test release flash lock proof clean
 
 # The last commit before the code lay in packages, whose figures tests/bench/FIGURES.md has.
@@ -73,10 +73,13 @@ docs: setup ## write a page per message; in build/docs/messages
 fuzz: setup-fuzz ## random octets, led by coverage, for every message in C and in Python; ARGS='--runs 10000000'
 	@.venv/bin/python -m tests.fuzz $(ARGS)
 
-bench: bench-station bench-messages bench-v2n bench-time bench-record bench-ros2 ## all measurements; the targets bench-*
+bench: bench-station bench-json bench-messages bench-v2n bench-time bench-record bench-ros2 ## all measurements; the targets bench-*
 
 bench-station: setup-test binary ## latency, loss-free rate, processor and memory beside a C forwarder in the same run
 	@.venv/bin/python -m tests.bench $(ARGS)
+
+bench-json: setup-test ## a CAM as JSON beside its octets, to the radio and to users: latency, highest rate, memory; JSON='--pairs 2'
+	@.venv/bin/python -m tests.bench.json_path $(JSON)
 
 bench-messages: setup-test ## the message library beside asn1tools, pycrate and asn1c in the same run, and how large it is
 	@.venv/bin/python -m tests.bench.messages
