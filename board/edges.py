@@ -57,7 +57,7 @@ class EdgeLine:
         return int(self._request.fd)
 
     def read(self, most: int = BUFFER) -> list[Edge]:
-        """Return the waiting edges in order, `most` at most. Raises InterfaceError if the chip is gone."""
+        """Return at most `most` waiting edges in order of time. Raises InterfaceError if the GPIO chip is gone."""
         with told(self.where):
             try:
                 events: list[Any] = self._request.read_edge_events(most)

@@ -75,7 +75,7 @@ def _busy_hint(user: str) -> str:
 
 
 def _named(description: LineDescription, dev: Path) -> str:
-    """Return the path of a chip that is given by name or path, or its label."""
+    """Return the path of the GPIO chip that the description gives by name, path or label."""
     chip = description.chip
     return str(dev / chip) if chip.startswith(("/", "gpiochip")) else chip
 

@@ -230,7 +230,7 @@ class SlotSequencer:
         self._supply.on(self._unless_failed(lambda: self._after(self.description.settle_s, self._release)))
 
     def await_device(self) -> None:
-        """Wait up to wait_s for the device, which may be there already."""
+        """Wait up to wait_s for the device; if it is already present, the wait ends at once."""
         self.device = None
         self._after(self.description.wait_s, self._late)
         self.device_changed()
@@ -291,7 +291,7 @@ class SlotSequencer:
         return done
 
     def _is_same(self, found: UsbDevice | None) -> bool:
-        """Return whether this is the known device; the kernel gives a re-plugged device another number."""
+        """Return whether `found` is the known USB device; the kernel gives a re-plugged device another number."""
         return found is not None and self.device is not None and found.number == self.device.number
 
     def _after(self, delay_s: float, call: Callable[[], None]) -> None:

@@ -53,7 +53,7 @@ class Supply:
         self._begin([*self._reset(self._has_reset), *self._feed(False, self._look())], done, goes_on=True)
 
     def stop(self) -> None:
-        """Stop waiting and call no done(); a switch already in progress may still act."""
+        """Stop waiting for switches, without calling done(); a switch that is in progress may still take effect."""
         self._step = None
         if self._timer is not None:
             self._timer.cancel()

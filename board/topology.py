@@ -45,7 +45,7 @@ class Topology(NamedTuple):
         return f"{self.bus}-0:1.0" if len(self.ports) == 1 else f"{self.hub}:1.0"
 
     def holds(self, other: "Topology") -> bool:
-        """Return whether another port is this one or lies behind it, as for a module with a hub of its own."""
+        """Return whether `other` is this USB port or a port of a hub behind it; a module may contain a hub."""
         return self.bus == other.bus and other.ports[: len(self.ports)] == self.ports
 
 

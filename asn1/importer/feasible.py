@@ -39,7 +39,7 @@ def _endless(layout: Layout) -> Iterator[LayoutError]:
 
 
 def _ends(node: Node, ending: set[Node]) -> bool:
-    """Return whether a type has a finite value, if those in `ending` have one."""
+    """Return whether a type has a finite value, assuming that the types in `ending` have one."""
     match node.kind:
         case Kind.SEQUENCE:
             return all(f.is_optional or f.node in ending for f in node.fields)

@@ -69,7 +69,7 @@ def check(source: Path, folder: Path = text.SCHEMA) -> list[str]:
 
 
 def compare(schema: types.Schema, source: Path, folder: Path = text.SCHEMA) -> list[str]:
-    """Return the same lines for a schema that is already imported. source: named in the lines."""
+    """Return the lines of differences for a schema that is already imported. source: directory that the lines name."""
     lines: list[str] = []
     for key, module in schema.modules.items():
         path = folder / f"{key}.schema"

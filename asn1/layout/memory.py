@@ -110,7 +110,7 @@ def arena_octets(pdu: Node) -> int:
 
 
 def _poor(item: Node, sizes: dict[Node, tuple[int, int]]) -> tuple[int, int]:
-    """Return octets and bits of a list element without own bits. No list of the standards has such elements."""
+    """Return memory octets and encoded bits of a list element; of 16383 elements if one is encoded in zero bits."""
     size, bits = measure(item, sizes)[0], minimal_bits(item, {})
     return (size, bits) if bits else (16383 * size, 16)
 
@@ -144,7 +144,7 @@ def _structs(node: Node, sizes: dict[Node, tuple[int, int]]) -> Iterator[tuple[i
 
 
 def _strings(node: Node) -> Iterator[tuple[int, int]]:
-    """Yield the same pairs for strings, and for unknown extension additions."""
+    """Yield pairs of memory octets and encoded bits for strings, and for unknown extension additions."""
     match node.kind:
         case Kind.SEQUENCE if node.is_extensible:
             yield _ADDITION + 1, _LENGTH
@@ -161,7 +161,7 @@ def _strings(node: Node) -> Iterator[tuple[int, int]]:
 
 
 def _texts(node: Node) -> Iterator[tuple[int, int]]:
-    """Yield the same pairs for a character string: one octet per character and a final zero.
+    """Yield pairs of memory octets and encoded bits of a character string: an octet per character and a final zero.
 
     A string with a general length is first collected in packed form.
     """

@@ -41,7 +41,7 @@ class Words:
         return True
 
     def needs(self, word: str) -> None:
-        """Take a word. Raises ValueError if another word follows."""
+        """Consume an expected word. Raises ValueError if the next word is a different one."""
         if not self.takes(word):
             raise ValueError(f"expected {word!r}, found {self.peek()!r}")
 
@@ -57,7 +57,7 @@ class Words:
         return word
 
     def end(self) -> None:
-        """Raise ValueError if words are left."""
+        """Check that the line is completely read. Raises ValueError if words remain."""
         if self.peek():
             raise ValueError(f"{self.peek()!r} is too much")
 

@@ -56,5 +56,5 @@ def is_successor(wanted: tuple[Arc, ...], found: tuple[Arc, ...]) -> bool:
 
 
 def is_descendant(wanted: tuple[Arc, ...], found: tuple[Arc, ...]) -> bool:
-    """Return whether it is the same identifier, a successor, or below one of these (WITH DESCENDANTS)."""
+    """Return whether `found` equals `wanted`, is a successor of it, or is below one of these (WITH DESCENDANTS)."""
     return is_successor(wanted, found[: len(wanted)])

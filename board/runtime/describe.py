@@ -80,7 +80,7 @@ def read(kind: type[T], table: Mapping[str, object], where: str, path: str = "")
 
 
 class _Reading:
-    """One pass over a description, which continues after a mistake."""
+    """One pass over a description (a TOML table); it continues after a mistake, to report all mistakes."""
 
     def __init__(self, where: str) -> None:
         self.where = where

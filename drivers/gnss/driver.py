@@ -41,7 +41,7 @@ class ZedF9p:
         raise RequestError(f"{name} is a GNSS receiver, which sends nothing")
 
     def refresh(self) -> None:
-        """Do nothing: the driver itself counts everything."""
+        """Do nothing: this driver counts by itself, and reads no counters of the kernel or the receiver."""
 
     def stop(self) -> None:
         if self._last is not None:

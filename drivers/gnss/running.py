@@ -39,7 +39,7 @@ class Failures:
         self.count = 0
 
     def add(self, error: InterfaceError) -> InterfaceError:
-        """Count a failure; return its error, from the STUCK-th one on as a StuckError, which asks for a power cycle."""
+        """Count a failure and return its error; from the STUCK-th on a StuckError, which requests a power cycle."""
         self.count += 1
         if self.count >= STUCK and not isinstance(error, StuckError):
             return StuckError(error.message, error.hint)

@@ -65,7 +65,7 @@ class Mqtt:
         return BUSY if self._uplink is None else self._uplink.send(request)
 
     def refresh(self) -> None:
-        """Do nothing: the process reports its drops by itself."""
+        """Do nothing: the process with the MQTT client reports its drops without being asked."""
 
     def stop(self) -> None:
         """Stop the process without waiting; it still disconnects from the broker."""

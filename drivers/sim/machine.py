@@ -93,7 +93,7 @@ class SimulatedMachine:
             self._tell(place)
 
     def plug(self, topology: str, device: SimulatedDevice) -> None:
-        """Make a device appear, in place of an earlier one; does nothing at a place without supply."""
+        """Make a USB device appear and replace an earlier one; do nothing at a port without power supply."""
         place = self._places[topology]
         if not place.missing:
             self._pull(place)

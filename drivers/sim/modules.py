@@ -81,7 +81,7 @@ def radio(loop: Loop, place: SlotPort) -> SimulatedModule:
 
 
 def stranger(loop: Loop, place: SlotPort) -> SimulatedModule:
-    """Create a module that belongs in no slot."""
+    """Create a module whose USB ids no slot expects, to simulate a wrong module."""
     boot: list[Timer] = []
 
     def supplied(on: bool) -> None:

@@ -22,7 +22,7 @@ MAX_FILE = 64 * 1024  # octets; a refused PIN takes 68, and only a corrected pin
 
 
 class PinError(BlockedError):
-    """No PIN may be tried until a person changes something."""
+    """The driver must not try a PIN until the user changes the SIM or the PIN file."""
 
 
 def read_pin(path: str) -> str:

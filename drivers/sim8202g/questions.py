@@ -24,7 +24,7 @@ DOMAINS = ("C5GREG", "CEREG", "CGREG")
 
 
 class Questions:
-    """Asks a modem, and stores the answers in Known."""
+    """Sends AT questions to a modem, and stores the answers in Known."""
 
     def __init__(self, known: Known) -> None:
         self._known = known

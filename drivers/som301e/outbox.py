@@ -37,7 +37,7 @@ class Outbox:
             self._changed.notify()
 
     def beat(self) -> None:
-        """Queue a sign of life, unless a waiting report already is one."""
+        """Queue a heartbeat message, unless another report already waits and proves that the process runs."""
         with self._changed:
             if not self._said:
                 self._said.append(wire.ALIVE_NOW)

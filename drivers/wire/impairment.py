@@ -102,7 +102,7 @@ class Counts:
 
 
 class Given(NamedTuple, Generic[T]):
-    """Delivered frame; about is what the caller passed to take() with it."""
+    """Delivered frame. about: the object that the caller passed to take() together with the frame."""
 
     octets: bytes
     about: T

@@ -233,7 +233,7 @@ def _look_at_kind(file: YamlFile, entry: Entry, notes: list[Note]) -> None:
 
 
 def _each(file: YamlFile, entries: list[Entry], acts: dict[str, Callable[[Entry], None]], notes: list[Note]) -> None:
-    """Call the action of each key; report keys without one."""
+    """Call the action of each YAML key; report keys that have no action."""
     for entry in entries:
         if entry.key in acts:
             acts[entry.key](entry)

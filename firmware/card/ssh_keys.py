@@ -63,7 +63,7 @@ def short(line: str) -> str:
 
 
 def _written(name: str, first: int, text: str, notes: list[Note]) -> Iterator[tuple[int, str]]:
-    """Yield the candidate lines with their numbers; report other kinds of key, and stop there."""
+    """Yield lines that may be public keys, with their numbers; at a file of another kind of key, report it and stop."""
     for number, line in ((number, line.strip()) for number, line in enumerate(text.split("\n"), first)):
         if "PRIVATE KEY" in line or line.startswith("PuTTY-User-Key-File"):
             notes.append(mistake(at(name, number), *PRIVATE))

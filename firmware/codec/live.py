@@ -45,7 +45,7 @@ class Live:
         return self._tally.total
 
     def add(self, message: Message) -> None:
-        """Count a message. Each one is decoded, so that no undecodable one is missed."""
+        """Count a message and decode it, so that every undecodable message is detected."""
         is_bad = self._decoder is not None and isinstance(self._decoder.find(message.pdu, is_quick=True), Unknown)
         self._tally.add(message, time.monotonic(), is_bad)
 

@@ -150,7 +150,7 @@ def as_json(ways: list[Way]) -> str:
 
 
 def _behind(way: Way) -> int:
-    """Return how often a user of the station, such as this program, was too slow."""
+    """Return the number of times that the station reported a user, such as this program, as too slow."""
     return way.source.ear.fell_behind() if isinstance(way.source.ear, ears.StationEar) else 0
 
 

@@ -78,7 +78,7 @@ class ConfigSource(NamedTuple):
         return load(*self)
 
     def files(self) -> list[str]:
-        """Return the paths of the files that were given."""
+        """Return the paths of the configuration files that the user named."""
         board = str(board_file.path_of(self.board)) if self.board else None
         return [one for one in (self.path, board, self.defaults) if one]
 

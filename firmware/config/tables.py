@@ -302,7 +302,7 @@ class PositionMatch:
 
 @dataclass(frozen=True)
 class Match:
-    """Conditions of a row of the policy. All given ones must be true. A row without conditions matches every message.
+    """Conditions of a row of the policy, which must all be true. A row without conditions matches every message.
 
     type           the message has one of these types.
     station        the stationID in the ITS PDU header is one of these.

@@ -18,7 +18,7 @@ class Painter:
         self._shown: list[str] = []
 
     def forget(self) -> None:
-        """Send the next frame completely, because other output has changed the screen."""
+        """Make the next frame complete, because other output has changed the screen."""
         self._shown = []
 
     def frame(self, lines: Sequence[str]) -> bytes:

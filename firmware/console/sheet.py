@@ -228,7 +228,7 @@ def _logged(one: Trouble) -> str:
 
 
 def _in_full(facts: Facts, width: int) -> Section:
-    """Return reasons of interfaces that did not fit into their table."""
+    """Return the complete reason texts of interfaces whose table cell was too narrow for them."""
     table = "\n".join(plain(_interfaces(facts), width))
     return [
         line

@@ -258,7 +258,7 @@ class Frames:
             self._attend(True)
 
     def _since(self, before: Mapping[str, int]) -> dict[str, int]:
-        """Return the number of messages since the given counts, by interface."""
+        """Return the number of messages by interface since an earlier call of _counts(), whose result is `before`."""
         return {name: count - before.get(name, 0) for name, count in self._counts().items()}
 
     def _counts(self) -> dict[str, int]:

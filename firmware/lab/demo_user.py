@@ -55,7 +55,7 @@ class User:
             raise StationError(f"station {self.name} does not answer its user")
 
     def send(self) -> None:
-        """Send a CAM, and a DENM with every tenth one."""
+        """Send a CAM; with every tenth CAM, also send a DENM."""
         its_ms = nearest_its_time_ms(time.time())
         path = PATH[self.name]
         self._publish("cam", messages.cam(self.station_id, its_ms, path.at(its_ms / 1000)))

@@ -47,7 +47,7 @@ class Figures:
 
     @property
     def open_s(self) -> float:
-        """Seconds at the end in which messages were sent but none arrived: a gap that no reception has ended."""
+        """Seconds from the last reception to the last sent message: a gap at the end that no reception has ended."""
         return max(0.0, self._sent_s - self._came_s) if math.isfinite(self._came_s) else 0.0
 
     @property

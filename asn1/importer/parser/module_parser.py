@@ -27,7 +27,7 @@ class Reading(NamedTuple):
     lost: set[str]
 
     def others(self, problems: list[Problem]) -> list[Problem]:
-        """Return those of later problems that are not mere consequences of lost definitions."""
+        """Return the problems of a later stage that are not consequences of definitions that failed to parse."""
         follow = {text for name in self.lost for text in (f"{name} is neither defined nor imported", f"has no {name};")}
         return [problem for problem in problems if not any(text in f"{problem.text};" for text in follow)]
 

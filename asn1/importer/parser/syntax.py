@@ -137,7 +137,7 @@ class Intersection:
 
 @dataclass(frozen=True, slots=True)
 class Except:
-    """base EXCEPT without; base None means ALL."""
+    """Constraint `base EXCEPT without`. base: None means ALL."""
 
     place: Place
     base: "Elements | None"
@@ -257,7 +257,7 @@ class Structure(Type):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListOf(Type):
-    """SEQUENCE OF or SET OF; `constraints` are those before OF."""
+    """SEQUENCE OF or SET OF. constraints: those written before OF, such as SIZE."""
 
     is_set: bool
     element: Type

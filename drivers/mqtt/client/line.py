@@ -57,7 +57,7 @@ class BrokerLine:
         return self._connection.fileno()
 
     def setblocking(self, flag: bool) -> None:
-        """Do nothing: the socket is always non-blocking."""
+        """Do nothing: the socket is non-blocking in any case, and paho calls this method."""
 
     def close(self) -> None:
         self.is_closed = True

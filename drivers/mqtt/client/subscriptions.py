@@ -58,7 +58,7 @@ class Subscriptions:
 
     @property
     def lacks(self) -> str:
-        """Refused subscriptions in words; empty if the broker has refused none."""
+        """Text that lists the refused subscriptions; empty if the broker has refused none."""
         for name, words in sorted(self.refused.items()):
             more = len(self.refused) - 1
             return f"refuses subscription {name}{f' and {more} more' if more else ''}: {words}"

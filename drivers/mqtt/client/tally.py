@@ -25,7 +25,7 @@ class Tally:
         self._told: dict[str, object] = {}
 
     def drop(self, reason: Reason, sample: bytes, count: int = 1, why: str = "") -> None:
-        """Count discarded messages; keep a sample of one, with its explanation."""
+        """Count discarded messages; keep a sample of the last one, with its explanation."""
         self._drops[reason] += count
         self._samples[reason] = sample[: talk.MAX_SAMPLE], why
 

@@ -118,7 +118,7 @@ def counted(counts: Iterable[tuple[float, str]]) -> str:
 
 
 def times(count: float) -> str:
-    """Return a number of times in words: once, 2 times."""
+    """Return a count as text: "once" for 1, "2 times" for 2."""
     return "once" if count == 1 else f"{count:.0f} times"
 
 
@@ -213,7 +213,7 @@ class Screen:
         return f"{self._bold}{shown}{PLAIN}" if self._bold and is_title else shown
 
     def _go_on(self, number: int, frame: FrameType | None) -> None:
-        """Forget what is on the terminal: the shell has printed there since."""
+        """Mark the terminal's content as unknown, because the shell has printed on it since the last frame."""
         self._shown = []
         if callable(self._before):
             self._before(number, frame)
@@ -253,7 +253,7 @@ class _Above(io.TextIOBase):
         return len(text)
 
     def finish(self) -> None:
-        """Print a begun line, whose end has not come."""
+        """Print the last line, even if its end is missing."""
         if self._begun:
             self._screen.print_above(self._stream, f"{self._begun}\n")
             self._begun = ""

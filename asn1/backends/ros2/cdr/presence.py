@@ -66,7 +66,7 @@ class Presence:
         self.told.add(one.source)
 
     def enter(self, index: int, step: Step, place: Place) -> None:
-        """Write code that determines whether a step leads to something, and then allocates and initialises it."""
+        """Write code that determines whether a step's target is present, then allocates and initialises it."""
         outer = " && ".join(one.condition for one in place.steps[:-1] if one.condition)
         if step.node.kind is Kind.SEQUENCE and step.condition and step.path not in self.told:
             if step.path in self.flags:
