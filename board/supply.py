@@ -35,7 +35,7 @@ class Supply:
         self._switch = switch
         self._look = look
         self._timer: Timer | None = None
-        self._step: object = None  # the switching in progress; answers to others are late and ignored
+        self._step: object = None  # the switch call in progress; answers to earlier calls are late and ignored
 
     def on(self, done: Done) -> None:
         """Hold the slot in reset and supply it. A module that already ran at the station's start is not reset."""

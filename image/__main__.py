@@ -13,8 +13,8 @@ from image.program import programs
 from image.verify import card as verify
 
 HINTS = {
-    errno.EACCES: "as root, or as who has built it",
-    errno.EPERM: "as root, or as who has built it",
+    errno.EACCES: "run it as root, or as the user who built it",
+    errno.EPERM: "run it as root, or as the user who built it",
     errno.ENOSPC: "make room, or name a folder elsewhere: --to DIR",
     errno.EIO: "check the disk",
     errno.EROFS: "name a folder elsewhere: --to DIR",
@@ -41,7 +41,7 @@ def main() -> int:
         what = f"{error.filename or arguments.to}: {error.strerror}"
         print(f"image: {ImageError(what, HINTS[error.errno])}", file=sys.stderr)
     except KeyboardInterrupt:
-        print("image: stopped: a step that was not finished is made again", file=sys.stderr)
+        print("image: stopped; the next call repeats the unfinished step", file=sys.stderr)
         return 130
     return 1
 
@@ -55,15 +55,15 @@ def _parser() -> argparse.ArgumentParser:
         "--to", metavar="DIR", type=_folder, default=build.BUILT, help="build folder; the card is beside it"
     )
     verbs = parser.add_subparsers(dest="verb", required=True)
-    making = verbs.add_parser("build", help="make the card, and look it through")
+    making = verbs.add_parser("build", help="make the card and verify it")
     making.add_argument("--upgrade", action="store_true", help="with the newest packages")
-    verbs.add_parser("verify", help="look the card that was made through once more")
-    verbs.add_parser("twice", help="make it once more from the same packages, and tell what is not the same")
+    verbs.add_parser("verify", help="verify the last made card again")
+    verbs.add_parser("twice", help="make the card again from the same packages and list the differences")
     programs_alone = verbs.add_parser("programs", help="make programs and Debian packages alone, in build/programs")
     programs_alone.add_argument("--upgrade", action="store_true", help="with the newest packages")
-    verbs.add_parser("release", help="make all that is handed out, in build/release")
-    writing = verbs.add_parser("flash", help="write the card that was made")
-    writing.add_argument("device", type=Path, help="/dev/sdX or /dev/mmcblkX: all that is on it is lost")
+    verbs.add_parser("release", help="make all files of a release, in build/release")
+    writing = verbs.add_parser("flash", help="write the last made card to a device")
+    writing.add_argument("device", type=Path, help="/dev/sdX or /dev/mmcblkX; its contents are lost")
     return parser
 
 
@@ -122,7 +122,7 @@ def _release(arguments: argparse.Namespace, described: description.Description) 
     print(*rows, sep="\n")
     print(to / programs.SUMS)
     if made.keys.kind == keys.DEVELOPMENT:
-        what = f"boxes take any update that is signed by this machine; for others, {keys.KEY} and {keys.CERTIFICATE}"
+        what = f"boxes accept any update signed on this machine; for a release, {keys.KEY} and {keys.CERTIFICATE}"
         print(f"image: signed by the development key: {what} name a key of your own", file=sys.stderr)
     return 0 if all(row.is_ok for row in rows) else 1
 

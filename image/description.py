@@ -191,7 +191,7 @@ def _mistakes(found: Description) -> Iterator[str]:
     yield from _of_disk(found.disk)
     yield from _of_partitions(found.disk)
     twice = found.packages.install.keys() & found.packages.unpack.keys()
-    yield from (f"packages: {name} is in install and in unpack; it is needed once" for name in sorted(twice))
+    yield from (f"packages: {name} is in install and in unpack; remove one of the two" for name in sorted(twice))
     taken = {name.lower() for name in ON_BOOT}
     for name in (*found.firmware.files, *found.device_tree.files):
         if name.lower() in taken:
@@ -211,21 +211,21 @@ def _of_disk(disk: Disk) -> Iterator[str]:
 def _of_partitions(disk: Disk) -> Iterator[str]:
     kinds = {partition.name: partition.kind for partition in disk.partitions}
     if kinds != PARTITIONS or len(disk.partitions) != len(PARTITIONS):
-        yield f"disk.partitions: {kinds} are not the five that the boot script knows; they are {PARTITIONS}"
+        yield f"disk.partitions: {kinds} are not the five partitions that the boot script knows: {PARTITIONS}"
         return
     numbers = [partition.number for partition in disk.partitions]
     if numbers != NUMBERS:
-        yield f"disk.partitions: {numbers} are not {NUMBERS}; the boot script counts on them, and 4 holds 5 and 6"
+        yield f"disk.partitions: the numbers are {numbers}, but the boot script needs {NUMBERS}; 4 contains 5 and 6"
     one, other, data = (disk.partition(name) for name in ("root-a", "root-b", "data"))
     if one.size_mib != other.size_mib:
         yield (
-            f"disk.partitions: root-a and root-b have {one.size_mib} and {other.size_mib} MiB, not the same size; "
-            "an update has to fit either"
+            f"disk.partitions: root-a and root-b have {one.size_mib} and {other.size_mib} MiB; make them equal, as "
+            "an update must fit into either"
         )
     if one.id != other.id:
-        yield f"disk.partitions: root-a and root-b have not the same id: {one.id}, {other.id}; they are copies"
+        yield f"disk.partitions: root-a and root-b have different ids, {one.id} and {other.id}; give both the same"
     if data.id in (one.id, other.id):
-        yield f"disk.partitions: data and a root have the same id: {data.id}; give data another"
+        yield f"disk.partitions: data and a root partition have the same id, {data.id}; give data another id"
     for partition in disk.partitions:
         yield from _of_partition(partition)
 

@@ -97,9 +97,9 @@ class Archive:
         listed = [_package(files / f"{'_'.join(parts)}.deb") for parts in wanted]
         for package, sha256 in zip(listed, hashes, strict=True):
             if not sha256:
-                raise ImageError(f"{package.file}: apt's list has no SHA-256 of it", "apt-get of Debian 12 or newer")
+                raise ImageError(f"{package.file}: apt's list lacks its SHA-256", "use apt-get of Debian 12 or newer")
             if package.sha256 != sha256:
-                raise ImageError(f"{files / package.file}: is another one than apt's list names", "remove the file")
+                raise ImageError(f"{files / package.file}: SHA-256 differs from that in apt's list", "remove the file")
         return sorted(listed)
 
     def _apt(self, *words: str, folder: Path | None = None) -> str:
@@ -138,7 +138,7 @@ def paths(folder: Path, packages: Iterable[Package]) -> list[Path]:
         if not path.exists():
             raise ImageError(f"{path.name} is no longer in {folder}", "python -m image build --upgrade")
         if _package(path).sha256 != package.sha256:
-            raise ImageError(f"{path}: is another one than was listed", "remove it; python -m image build --upgrade")
+            raise ImageError(f"{path}: differs from the listed package", "remove it; python -m image build --upgrade")
         found.append(path)
     return found
 

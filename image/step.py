@@ -24,8 +24,8 @@ class Steps:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._lock = (self.folder / LOCK).open("w")
         except OSError as error:
-            what = f"{self.folder}: nothing can be built in it: {error.strerror}"
-            raise ImageError(what, "--to names a folder that you may write to") from error
+            what = f"{self.folder}: cannot be used as build folder: {error.strerror}"
+            raise ImageError(what, "name a folder that you may write to with --to") from error
         fcntl.flock(self._lock, fcntl.LOCK_EX)  # held until close(): a second build in the folder waits
         self.took: dict[str, float] = {}
 

@@ -17,7 +17,7 @@ UNDER_WAY = 8
 # raised by a tail that falls with the power TAIL. It is heavier than noise, as temperature changes are.
 RARE = 0.001
 TAIL = 3.0
-# Largest factor by which it is raised; changes that were never observed are added separately, see CHANGES.
+# Largest factor by which the worst error is raised. Changes that were never observed are added by CHANGES.
 RAISED = 3.0
 
 # Half-life of observed errors: summer differs from winter.

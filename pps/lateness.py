@@ -1,6 +1,6 @@
 """Rejects pulses with late stamps: a delayed interrupt stamps late, never early."""
 
-# Limits of deviation, in mean deviations: 3 and 6 standard deviations of white noise. A pulse beyond is put aside. The
+# Limits of deviation, in mean deviations: 3 and 6 standard deviations of white noise. A pulse beyond is not used. The
 # limit for early pulses is wider: interrupts never come early, so an early pulse is mostly right.
 LATE, EARLY = 3.8, 7.5
 

@@ -14,7 +14,7 @@ MORE_READINGS = 3
 # difference (at 100 ppm the error would be 25 us). A stamp in the future means that the clock was stepped since.
 OLDEST_NS = 250_000_000
 
-EXTRA_NS = 500_000_000  # smallest distance of two pulses of a receiver
+EXTRA_NS = 500_000_000  # edges closer than this to the previous one are not pulses of the receiver
 
 # Edges closer than this come from a bouncing wire or another signal. After each of them, the source pauses for REST_S,
 # so it takes at most 20 edges per second. After the pause, it takes the newest.

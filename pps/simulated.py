@@ -87,7 +87,7 @@ class Simulated:
         since_ns = self._since_ns(now)
         if since_ns is None:
             self._wait()
-        elif since_ns >= SECOND_NS // 2:  # the timer came too early, or the truth changed meanwhile
+        elif since_ns >= SECOND_NS // 2:  # the timer fired too early, or the simulated true time was changed meanwhile
             self._wake(max(EARLY_NS, SECOND_NS - since_ns))
         else:
             self._wait()

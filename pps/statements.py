@@ -106,19 +106,19 @@ class Statements:
             epochs = (one for one in reversed(self._epochs) if one.tow_s == tow_s and one.monotonic >= possible)
             mark, epoch = next(marks, mark), next(epochs, epoch)
             if mark is not None and self._objection(mark) is None and mark.its_s != its_s:
-                return Why.OTHER_SECOND, f"announced as second {mark.its_s}; {its_s} has come"
+                return Why.OTHER_SECOND, f"announced as second {mark.its_s}, but counted as second {its_s}"
         return self.objection(pulse, mark, epoch) or (Why.LATE, f"second {its_s}")
 
     def objection(self, pulse: Pulse, mark: TimeMark | None, epoch: Epoch | None) -> tuple[Why, str] | None:
         """Return why an announcement and an epoch do not confirm a pulse; None if they do."""
         if mark is None:
-            return Why.UNANNOUNCED, f"nothing announced in the second before {pulse.monotonic:.3f} s"
+            return Why.UNANNOUNCED, f"no announcement in the second before {pulse.monotonic:.3f} s"
         objection = self._objection(mark)
         if objection is not None:
             return objection
         assert mark.its_s is not None
         if epoch is None:
-            return Why.UNCONFIRMED, f"announced as second {mark.its_s}, and no epoch of it came"
+            return Why.UNCONFIRMED, f"announced as second {mark.its_s}, but no epoch of this second arrived"
         fix = epoch.fix
         if fix.utc_ns is None or fix.utc_accuracy_ns is None:
             return Why.UNRESOLVED, f"epoch of second {epoch.tow_s} of the week"
@@ -126,7 +126,7 @@ class Statements:
             return Why.CONFIRMED_BADLY, f"{fix.utc_accuracy_ns} ns, limit {self._limit_ns} ns"
         tow_s = (mark.its_s + GPS_LEAD) % WEEK_S
         if epoch.tow_s != tow_s:
-            return Why.DISAGREE, f"announced as second {tow_s} of the week, the epoch is of {epoch.tow_s}"
+            return Why.DISAGREE, f"announced as second {tow_s} of the week, but the epoch has second {epoch.tow_s}"
         if not is_of_utc(epoch, mark.its_s, mark):
             return Why.UTC, f"second {mark.its_s} with {mark.leap_seconds} leap seconds, Unix time {fix.utc_ns} ns"
         return None

@@ -66,8 +66,8 @@ RELABEL_S = 780
 # again.
 FOLLOW_NS = 60 * SECOND_NS
 
-TRAILING_NS = SECOND_NS // 2  # bound of the length of a pulse; the driver configures 100 ms
-RIVAL = 2  # seconds after which a row may be that of the leading edges
+TRAILING_NS = SECOND_NS // 2  # longest pulse that is expected; the driver configures 100 ms
+RIVAL = 2  # seconds after which a competing row of edges may be the one of the leading edges
 WAITING = 64  # most edges that wait
 
 
@@ -131,7 +131,7 @@ class Pairing:
         self.refused: Counter[Why] = Counter()
         self.samples: dict[Why, Refused] = {}
         self._statements = Statements(limit_ns)
-        self._chain: Chain | None = None  # chain of the seconds passed on
+        self._chain: Chain | None = None  # chain of the edges that were passed on as seconds
         self._is_following = False
         self._rows: list[Chain] = []  # candidate rows while no chain is followed
         self._edges: list[_Edge] = []
@@ -147,7 +147,7 @@ class Pairing:
         if (chain := self._followed) is not None:
             _place(edge, chain)
             if _is_taken(edge, chain):
-                return [self._refuse(edge, Why.DUPLICATE, f"second {edge.its_s}, {edge.error_ns} ns off it")]
+                return [self._refuse(edge, Why.DUPLICATE, f"second {edge.its_s}, {edge.error_ns} ns from it")]
         elif before_ns is not None and abs(raw_ns - before_ns) < EDGE_NS:
             return [self._refuse(edge, Why.TRAILING, f"{(raw_ns - before_ns) / 1e6:.3f} ms after another")]
         self._edges.append(edge)
@@ -212,7 +212,9 @@ class Pairing:
         if len(self._edges) > 1:
             edge, *others = self._by_merit(its_s, chain)
             found = [
-                self._refuse(one, Why.DUPLICATE, f"{one.error_ns} ns off second {its_s}, another {edge.error_ns} ns")
+                self._refuse(
+                    one, Why.DUPLICATE, f"{one.error_ns} ns from second {its_s}, a better edge {edge.error_ns} ns"
+                )
                 for one in others
             ]
             self._edges = [one for one in self._edges if one.its_s != its_s]
@@ -253,7 +255,7 @@ class Pairing:
         if row.count < AGREEING:
             return [self._refuse(edge, Why.ACQUIRING, f"second {its_s}, {row.count} of {AGREEING}")]
         if self._has_rival(edge.pulse.raw_ns):
-            return [self._refuse(edge, Why.TRAILING, f"second {its_s}, and edges before it make a row as well")]
+            return [self._refuse(edge, Why.TRAILING, f"second {its_s}, but edges before these also fit")]
         place = None if self._chain is None else self._chain.place(edge.pulse.raw_ns)
         is_known = place is not None and place.is_whole and place.its_s == its_s
         if place is None or is_known or row.raw_ns - row.since_ns >= RELABEL_S * SECOND_NS:
@@ -262,7 +264,7 @@ class Pairing:
                 *self._acquire(row, None if is_known else Acquired(its_s, self._series + 1, change_s)),
                 self._second(its_s, edge.pulse, mark, fix),
             ]
-        detail = f"second {its_s}; {place.its_s} has come, and {place.error_ns} ns"
+        detail = f"second {its_s} by the receiver, {place.its_s} and {place.error_ns} ns by the count"
         return [self._refuse(edge, Why.OTHER_SECOND, detail)]
 
     def _row(self, raw_ns: int, its_s: int) -> Chain:

@@ -168,7 +168,7 @@ def _texts(node: Node) -> Iterator[tuple[int, int]]:
     least, bits = _least_bits(node), unit_bits(node)
     if node.is_extensible or count_width(node.bounds) is None:
         yield 1 + _ALIGNMENT, _LENGTH
-    # In short strings the fixed part dominates the ratio, in long ones the octet per character.
+    # Memory per encoded bit is largest in short strings, because of the fixed part, or in long ones.
     yield 1 + (node.bounds.low or 0), least
     if bits == 0 and count_width(node.bounds) is None:
         yield 1 + 16383, 2 * _LENGTH

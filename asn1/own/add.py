@@ -26,7 +26,7 @@ from asn1.own.wish import STANDARD, UserRequest, WishError, check, no_name
 __all__ = ["Added", "UserRequest", "WishError", "add", "no_name", "no_type", "remove"]
 
 RELEASE = 2  # release of the common data dictionary that new experiments use
-RANK = 99  # lower preference than every edition of a standard
+RANK = 99  # rank of a user's message: a higher number means less preferred, and standards have smaller ones
 
 no_type = files.no_type
 

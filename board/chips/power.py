@@ -14,7 +14,7 @@ from board.runtime.errors import InterfaceError
 CONFIGURATION = 0
 DIE = 0xFF  # identification register of INA226 and INA3221
 
-# The longest first conversion is that of an INA226 with 16 averages: 16 * 2 * 1.1 ms.
+# Time limit of the first conversion. The slowest chip is an INA226 with 16 averages: 16 * 2 * 1.1 ms.
 FIRST_S = 0.2
 
 

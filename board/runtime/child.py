@@ -142,14 +142,14 @@ class Child:
     def _read(self, most: int) -> bool:
         """Pass on at most `most` messages; return False after the last one that the child will send."""
         for _ in range(most):
-            if self._is_left:  # perhaps called by the parent for the previous message
+            if self._is_left:  # the parent may have called leave() while it handled the previous message
                 return True
             try:
                 message = self._channel.recv(MAX_MESSAGE + 1)
             except BlockingIOError:
                 return True
             except ConnectionResetError:
-                continue  # it ended without reading all of our messages; its own messages follow this error
+                continue  # the child ended without reading all our messages; its own messages can still be read
             if not message:
                 return False
             self._take(message)

@@ -85,11 +85,11 @@ class Leaps:
         its_s         current ITS time, s.
         """
         before = leap_seconds - GPS_LEAPS
-        then_s = its_s if event is None else min(its_s, event.its_s - 1)  # a time at which `before` must be the count
+        then_s = its_s if event is None else min(its_s, event.its_s - 1)  # when the count must be `before`
         base = known = self.base or self
         if not base._counts_as(before, then_s):
-            is_learnt = self._counts_as(before, then_s)  # after an announced event has passed
-            # Beside an event, no other recent row is kept: corrections lie before the event.
+            is_learnt = self._counts_as(before, then_s)  # True after an announced leap second has passed
+            # With an announced leap second, corrected rows lie before it, and no other recent row is kept.
             when_s = then_s if event is None else min(then_s, event.its_s - LATE_S)
             known = self._until(then_s) if is_learnt else base._corrected(before, when_s)
         if event is not None and event not in known.rows:

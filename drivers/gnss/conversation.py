@@ -84,7 +84,7 @@ class Conversation:
             self._is_settling = True
             self._timer = self._loop.after(question.wait_s, self._next)
         question.done(answer)
-        # If one is set, done() has already sent a question, or a second answer to this question may still come.
+        # Otherwise done() has already sent the next question, or a second answer to this one may still arrive.
         if self._current is None and not self._is_settling:
             self._next()
 

@@ -151,5 +151,5 @@ class RunningReceiver:
         silence = self.host.loop.clock() - self._epoch_at
         if silence >= SILENT_S:
             self.receiver.silent(silence)
-        if self._timer is not None:  # the timer still runs, so silent() has not led to failed() or stop()
+        if self._timer is not None:  # a timer means that silent() has not called failed() or stop()
             self.host.report_details(self.details())

@@ -59,7 +59,7 @@ class Intake:
         self._broken = broken
         self._urgent = urgent or self
         self._passed = 0  # datagrams that other lanes have taken since this lane, the urgent one, was last read
-        # All lanes of an interface share one room: nothing that deliver() calls reads another lane meanwhile.
+        # All lanes of an interface share one buffer, because deliver() never reads another lane.
         self._room: Room = urgent._room if urgent else Room(SLICE)
         self._is_open = True
         taken.setblocking(False)

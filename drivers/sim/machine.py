@@ -143,7 +143,7 @@ class SimulatedMachine:
     def _pull(self, place: _Place) -> None:
         place.device = None
         self._remove(place, 0)
-        # The next device is a new one, so it is authorized.
+        # The device plugged in next is a new device, which the kernel authorizes by default.
         place.missing.discard(AUTHORIZED)
 
     def _remove(self, place: _Place, keep: int) -> None:

@@ -13,9 +13,9 @@ from drivers.wire.at.answers import PIN_REFUSED, Sim, attempts, iccid, sim, sim_
 from drivers.wire.at.forms import TIMEOUT
 
 REMEDIES = {
-    Sim.PUK: ("SIM: it asks for its PUK", "enter PUK and a new PIN in a telephone"),
-    Sim.ABSENT: ("SIM: absent", "put it into its holder, the right way round"),
-    Sim.LOCKED: ("SIM: locked to another device or network", "use the card that belongs to it"),
+    Sim.PUK: ("SIM: locked, and needs its PUK", "enter PUK and a new PIN in a telephone"),
+    Sim.ABSENT: ("SIM: absent", "insert the SIM into its holder in the right direction"),
+    Sim.LOCKED: ("SIM: locked to another device or network", "use a SIM that this modem accepts"),
 }
 
 
@@ -60,7 +60,7 @@ class Card:
 
     def _enter_pin(self) -> Script[None]:
         if not self._options.pin_file:
-            raise BlockedError("SIM: it asks for a PIN", "name a file with it as pin_file")
+            raise BlockedError("SIM: it needs its PIN", "set pin_file to a file that contains the PIN")
         pin = read_pin(self._options.pin_file)
         card = yield from self._identity()
         left = yield from self._attempts()
@@ -84,7 +84,7 @@ class Card:
         except NoAnswerError:
             raise
         except StepError as error:
-            raise PinError(f"SIM: which it is cannot be read, so its PIN is not tried: {error.message}") from error
+            raise PinError(f"SIM: its ICCID cannot be read, so its PIN is not tried: {error.message}") from error
 
     def _attempts(self) -> Script[int]:
         left = yield from self._questions.read("AT+SPIC", lambda found: attempts(one(found)))

@@ -30,8 +30,8 @@ class Composition:
         wanted = "{:04x}:{:04x}".format(*self._wanted)
         if self._switches == MOST_SWITCHES:
             raise BlockedError(
-                f"the modem stays {vendor:04x}:{product:04x}, and bearer {self._bearer} needs {wanted}",
-                "choose the bearer of the composition that it has",
+                f"the modem keeps USB composition {vendor:04x}:{product:04x}; bearer {self._bearer} needs {wanted}",
+                "set bearer to the one that fits the modem's composition",
             )
         self._switches += 1
         return "AT+CUSBCFG=usbid,{:04x},{:04x}".format(*self._wanted)

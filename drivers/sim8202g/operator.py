@@ -69,24 +69,24 @@ class Operations:
     def _at(self, arguments: Mapping[str, object], answer: Answer) -> None:
         text, force = arguments.get("command"), arguments.get("force", False)
         if not isinstance(text, str) or not isinstance(force, bool):
-            raise RequestError("at takes a command, and force as true or false", 'such as {"command": "AT+CSQ"}')
+            raise RequestError(
+                "at needs a text as command, and true or false as force", 'such as {"command": "AT+CSQ"}'
+            )
         text = text.strip()
         asked = command(text)
         if not force and not is_harmless(text):
-            raise RequestError(
-                f"{text[:40]!r} may change the modem", "questions are sent as they are; with --force all"
-            )
+            raise RequestError(f"{text[:40]!r} may change the modem", "add --force to send it; queries need no --force")
         self._open_port().ask(asked, lambda found: answer(_result(found)), PRIORITY)
 
     def _open_port(self) -> AtPort:
         if self._port is None:
-            raise RequestError("the modem has no port now", "it is absent or restarting; captain status says which")
+            raise RequestError("the modem has no port now", "the modem is absent or restarting; see captain status")
         return self._port
 
 
 def _result(found: at.Answer) -> Mapping[str, object] | StationError:
     if found.final is TIMEOUT:
         return RequestError(
-            f"no answer within {found.command.timeout_s:.0f} s", "it may be busy, or not know the command"
+            f"no answer within {found.command.timeout_s:.0f} s", "the modem may be busy, or not support the command"
         )
     return {"command": found.command.text, "result": str(found.final), "lines": list(found.lines)}

@@ -42,7 +42,7 @@ def read_pin(path: str) -> str:
     if mode & 0o077:
         raise PinError(f"pin_file {path}: mode {stat.S_IMODE(mode):04o} lets others read it", f"chmod 600 {path}")
     if not (pin.isascii() and pin.isdecimal() and 4 <= len(pin) <= 8):
-        raise PinError(f"pin_file {path}: holds no PIN", "4 to 8 digits, and nothing else")
+        raise PinError(f"pin_file {path}: holds no PIN", "write 4 to 8 digits into the file, and nothing else")
     return pin
 
 
@@ -103,11 +103,11 @@ class PinGuard:
         if key in refused:
             if has_cost:
                 self._keep(record, iccid, _Card(refused))
-            raise PinError("the SIM has refused this PIN before: it is not tried again", "correct pin_file")
+            raise PinError("the SIM has refused this PIN before: the station does not try it again", "correct pin_file")
         if left < LEAST_ATTEMPTS:
             raise PinError(
-                f"the SIM leaves {left} attempts for its PIN: none is used",
-                "enter it once in a telephone, which gives all attempts back",
+                f"the SIM allows only {left} more attempts for its PIN: the station tries none",
+                "enter the PIN once in a telephone, which restores all attempts",
             )
         self._keep(record, iccid, _Card(refused, key, left))
 
@@ -130,9 +130,9 @@ class PinGuard:
             found = json.loads(octets)
             return read(_Record, found if isinstance(found, dict) else {"": found}, "it")
         except StorageError as error:
-            raise PinError(error.message, "remove it when the PIN is right") from error
+            raise PinError(error.message, "check the PIN, then remove this file") from error
         except (ValueError, ConfigurationError) as error:
-            raise PinError(f"{self._path}: cannot be read: {error}", "remove it when the PIN is right") from error
+            raise PinError(f"{self._path}: cannot be read: {error}", "check the PIN, then remove this file") from error
 
     def _keep(self, record: _Record, iccid: str, card: _Card) -> None:
         cards = {**record.cards, record.digest(iccid): card}
@@ -140,7 +140,7 @@ class PinGuard:
         try:
             state_file.keep(self._path, json.dumps(asdict(kept)).encode(), 0o600)
         except StorageError as error:
-            raise PinError(f"{error.message}; without it no PIN is tried", error.hint) from error
+            raise PinError(f"{error.message}; without this file the station tries no PIN", error.hint) from error
 
 
 def _open_at_once(path: str, flags: int) -> int:

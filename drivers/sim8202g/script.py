@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 # Texts of EPERM and EACCES in the output of programs.
 _NOT_PERMITTED = ("Operation not permitted", "Permission denied")
-NEEDS = "a bearer takes the right to configure network devices: CAP_NET_ADMIN"
+NEEDS = "a bearer needs the right to configure network devices: CAP_NET_ADMIN"
 
 LEAST_PAUSE_S = 1.0  # least length of a pause that is woken, so that many unsolicited lines do not cause many questions
 

@@ -144,7 +144,7 @@ class Steps:
 
         switch = self._composition.switch(vendor, product)
         if switch is not None:
-            more = f"{known.composition} is not that of the bearer: {switch}"
+            more = f"USB composition {known.composition} is not that of the bearer: {switch}"
             self._ground.starting(words("identity", more))
             yield from self.reenumerate(switch)
             yield from self._step("port")

@@ -51,7 +51,7 @@ class System:
             if status is None:
                 self._kept.append(tool)
             elif run.keep:
-                done(StepError(f"{run.argv[0]} ended with status {status} before it had an address"))
+                done(StepError(f"{run.argv[0]} ended with status {status} before the network had assigned an address"))
                 return
             done(Ended(status, output))
 

@@ -93,7 +93,7 @@ class Watch:
             if not (yield from self._questions.ask_registration()) and self._known.registrations:
                 raise LostError(f"network lost: {self._known.registration_text}")
         if not self._known.registrations:
-            raise StepError("no domain says whether it is registered")
+            raise StepError("the modem reports no registration state for any network domain")
         self._known.addresses = yield from self._bearer.look()
         yield from self._questions.look_at_cell()
         if is_slow:
@@ -107,7 +107,7 @@ class Watch:
             self._witness = route.gateway if route and (yield from self._echoes(route.gateway)) else ""
         if self._stall.is_stalled(self._clock(), self._system.counters(device)) and self._witness:
             if not (yield from self._echoes(self._witness)):
-                raise StepError(f"{device}: packets go out, and none has come for {STALL_S:.0f} s")
+                raise StepError(f"{device}: packets go out, and none has come in for {STALL_S:.0f} s")
             self._stall = Stall()
 
     def _echoes(self, address: str) -> Script[bool]:

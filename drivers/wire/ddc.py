@@ -39,7 +39,7 @@ class Ddc:
         """Write a frame, of at least two octets, to the receiver. Passes on the exceptions of the bus."""
         assert len(octets) > 1
         while octets:
-            # No part may be a single octet: it would select a register.
+            # A write of a single octet would select a register instead, so no part has one octet.
             size = MOST - 1 if len(octets) == MOST + 1 else MOST
             self._bus.transfer(self._address, octets[:size], 0)
             octets = octets[size:]

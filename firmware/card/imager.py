@@ -13,7 +13,7 @@ from firmware.card.ssh_keys import sound_keys
 from firmware.card.yaml_file import FALSE, Entry, YamlFile
 
 REGION = re.compile(r"\bcfg80211\.ieee80211_regdom=(\S+)")
-# Keys without effect: they describe the file, or ask for what the box does anyway.
+# Keys that are ignored: they describe the file, or request what the box does by default.
 GRANTED = {
     "manage_etc_hosts",
     "enable_ssh",

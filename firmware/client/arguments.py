@@ -36,9 +36,15 @@ def add_station(parser: argparse.ArgumentParser) -> None:
         help="host of the station and its port for users' PUB sockets (default 127.0.0.1:5555); the other ports "
         "follow: +1 to users, +2 PULL, +3 reports",
     )
-    group.add_argument("--to-users", metavar="PORT", type=port, help="port for users' SUB sockets, if not +1")
-    group.add_argument("--pull", metavar="PORT", type=port, help="port for users' PUSH sockets, if not +2")
-    group.add_argument("--report", metavar="PORT", type=port, help="port for status and confirms, if not +3")
+    group.add_argument(
+        "--to-users", metavar="PORT", type=port, help="port for users' SUB sockets (default: --station's + 1)"
+    )
+    group.add_argument(
+        "--pull", metavar="PORT", type=port, help="port for users' PUSH sockets (default: --station's + 2)"
+    )
+    group.add_argument(
+        "--report", metavar="PORT", type=port, help="port for status and confirms (default: --station's + 3)"
+    )
 
 
 def address(options: argparse.Namespace) -> "Address":

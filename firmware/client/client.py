@@ -172,9 +172,9 @@ def ask(path: Path, do: str, timeout: float = ANSWER_S, **more: object) -> dict[
         why = error.strerror or str(error)
         raise StationError(f"{path}: no station answers: {why}", _start_one()) from error
     except (ValueError, RecursionError) as error:
-        raise StationError(f"{path}: what answers there is not a station: {error}", _start_one()) from error
+        raise StationError(f"{path}: the program that answers there is not a station: {error}", _start_one()) from error
     if not isinstance(answer, dict):
-        raise StationError(f"{path}: what answers there is not a station: {line[:40]!r}", _start_one())
+        raise StationError(f"{path}: the program that answers there is not a station: {line[:40]!r}", _start_one())
     if answer.get("ok") is not True:
         raise StationError(_refused(do, more, str(answer.get("error", ""))), str(answer.get("hint", "")))
     return answer
@@ -268,8 +268,8 @@ def _not_found(place: Address) -> StationError:
     except StationError:
         return StationError(f"no station of this machine has port {place.from_users}", _start_one())
     return StationError(
-        f"a station may be at port {place.from_users}, but its control socket is at none of the usual places",
-        "name it with --control PATH: its option endpoint.control",
+        f"a station may be at port {place.from_users}, but its control socket has none of the default paths",
+        "give its path with --control PATH; it is the station's option endpoint.control",
     )
 
 

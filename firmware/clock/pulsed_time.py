@@ -229,13 +229,13 @@ class PulsedTime:
         if refused.why is not Why.ACQUIRING:
             # A receiver without satellites may give invalid pulses: no warning before the first accepted one.
             level = logging.WARNING if self.seconds else logging.INFO
-            text = f"a pulse is not taken: {MEANING[refused.why]} ({refused.detail})"
+            text = f"a pulse is refused: {MEANING[refused.why]} ({refused.detail})"
             self._journal.say(level, text, refused.why)
 
     def _acquired(self, acquired: Acquired) -> None:
         if acquired.change_s:
-            change = f"{acquired.change_s:+d} s from what was counted: that was wrong, or the receiver is"
-            self._journal.say(logging.ERROR, f"the receiver is believed again: {change}", "acquired")
+            change = f"{acquired.change_s:+d} s compared with the station's count: the count or the receiver is wrong"
+            self._journal.say(logging.ERROR, f"the receiver's time is used again: {change}", "acquired")
 
     def _made_refclock(self, path: str) -> "Refclock | None":
         if not path:
@@ -255,10 +255,10 @@ def _sentence(before: Lock, quality: TimeQuality) -> str:
     bound = "" if quality.uncertainty_ns is None else f", within {quality.uncertainty_ns / 1000:,.1f} us"
     words = {
         Lock.UNKNOWN: "the time is unknown",
-        Lock.SYSTEM: "time is that of the system's clock",
-        Lock.COARSE: "time is that of the receiver's messages",
-        Lock.SETTLING: "pulses come; a few more are needed",
-        Lock.LOCKED: "time is that of the pulses",
-        Lock.HOLDOVER: "no good pulses: time goes on by the oscillator",
+        Lock.SYSTEM: "the time comes from the system clock",
+        Lock.COARSE: "the time comes from the receiver's messages",
+        Lock.SETTLING: "pulses arrive; a few more are needed",
+        Lock.LOCKED: "the time comes from the receiver's pulses",
+        Lock.HOLDOVER: "no good pulses: the time continues by the oscillator",
     }
     return f"{words[quality.state]}{bound} ({before.name.lower()} before)"

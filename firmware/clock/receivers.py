@@ -41,7 +41,7 @@ def mistakes(
             what = f"{name!r} announces no pulses" if name in tables else f"unknown interface {name!r}"
             yield f"{key}: {what}; {remedy(name, announcing)}"
     if pulse is not None and len(announcing) > 1 and not any(named.values()):
-        yield f"time.receiver: {' and '.join(announcing)} announce pulses; name the one that drives that of the board"
+        yield f"time.receiver: {' and '.join(announcing)} announce pulses; name the one wired to the board's input"
 
 
 def chosen(options: TimeOptions, pulse: PulseDescription | None, announcing: Collection[str]) -> str:

@@ -139,7 +139,7 @@ def _unknown_number(case: Case) -> str:
         return ""
     name = _TYPES.by_number[case.octets[1]].name
     lacking = f"it is {name}, which the library does not have: " if name else ""
-    return f"{lacking}`captain decode --list` shows what there is; --edition takes it for one whatever its header says"
+    return f"{lacking}`captain decode --list` lists all editions; --edition selects one whatever the header says"
 
 
 def _other_release(case: Case) -> str:

@@ -50,7 +50,7 @@ def encode(one: Object, wish: Wish) -> Encoded:
     """
     if "error" in one.value and "message" not in one.value:
         raise RequestError(
-            f"{one.origin}: it did not decode, so it has no message", "encode what `captain decode` shows"
+            f"{one.origin}: it is an error of `captain decode`, without a message", "encode what `captain decode` shows"
         )
     edition = one.value.get("edition")
     if edition is not None and not isinstance(edition, str):

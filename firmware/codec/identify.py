@@ -90,7 +90,7 @@ def attempt(message: Message, octets: bytes) -> Try:
 def _refusal(message: Message, error: ValueError | MemoryError) -> Refusal:
     """Convert an error of the library. A MemoryError means that the octets ask for too much memory."""
     if isinstance(error, MemoryError):
-        return Refusal(message, "", 0, "it asks for more memory than a message may have")
+        return Refusal(message, "", 0, "decoding needs more memory than a message may have")
     path, bit = getattr(error, "path", ""), getattr(error, "bit", 0)
     return Refusal(message, str(path), int(bit), str(getattr(error, "reason", error)))
 
@@ -251,7 +251,7 @@ def _identity(group: Group, tries: Sequence[Try], decoded: Sequence[Try], octets
         elif one.message in fits[1:] and one.message not in others:
             reasons.append(f"{one.message.name} leaves some extensions undecoded")
     if not exact:
-        reasons.append("it is encoded to other octets than these")
+        reasons.append("encoding the decoded message again gives other octets")
     else:
         same = ", ".join(other.name for other in fits[1:])
         reasons.append("it gives the same octets back" + (f", as do {same}" if same else ""))
@@ -275,7 +275,7 @@ def _told_of_forms(message: Message, tries: Sequence[Try]) -> str:
 def _announcement(message: Message, number: str, version: int) -> str:
     if version in message.versions:
         return f"{number} and protocolVersion {version} announce it"
-    return f"{number} announces it, though protocolVersion {version} is not of this edition"
+    return f"{number} announces it, but protocolVersion {version} is not that of this edition"
 
 
 def _passed_over(one: Try) -> str:

@@ -16,7 +16,7 @@ from firmware.codec.identify import Unknown
 from firmware.codec.rows import DECODED_HEADS, EXPLAINED, cells_of, notes, whose
 
 SUM_HEADS = ("type", ">stations", ">count", ">per s")
-MOST_SUMS = 6  # types shown separately on a terminal; the rest is one line
+MOST_SUMS = 6  # most message types with a line of their own on a terminal; all others share one line
 KEYS = ": arrows, Page Up, Page Down, Home and End; q ends"
 
 

@@ -76,7 +76,7 @@ exit codes:
   130  ended before all stations were heard
 """
 
-CUT = "The measurement was cut short: messages that were under way are in no figure."
+CUT = "The measurement was cut short: messages that were under way are not counted."
 ENDING = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -213,7 +213,7 @@ def _reflect(arguments: argparse.Namespace) -> int:
     else:
         print(f"{reflector.reflected} probes reflected; median time here: {duration(stay_us, 'median')}")
         if reflector.not_reflected:
-            print(f"{reflector.not_reflected} not reflected: the station accepted no more")
+            print(f"{reflector.not_reflected} probes not reflected: the station accepted no more messages")
     return 0
 
 

@@ -191,7 +191,7 @@ def _slots(board: Hardware) -> Iterator[str]:
         if slot.hub_port and not slot.usb:
             yield f"{where}.usb: is missing; a hub can switch a port only where its topology path is known"
         if slot.power and slot.power == slot.reset:
-            yield f"{where}.reset: {slot.reset!r} is its power as well; give it a line of its own"
+            yield f"{where}.reset: {slot.reset!r} is also the power line of the slot; name another line"
 
 
 def _pulse(board: Hardware, tables: Tables) -> Iterator[str]:
@@ -206,10 +206,10 @@ def _pulse(board: Hardware, tables: Tables) -> Iterator[str]:
     if "offset" in table and not table.get("chip"):
         yield "pulse.offset: is that of a line in a chip; give its chip, or leave it out"
     if table.get("kind") == "simulated" and tables.get("simulated") is not True:
-        yield "pulse.kind: a real board has real pulses; give the device, or simulated = true for the board"
+        yield "pulse.kind: simulated pulses need a simulated board; give the device, or simulated = true for the board"
     place = _pin(board.pulse) if board.pulse else ""
     for name in (name for name, line in board.lines.items() if place and _pin(line) == place):
-        yield f"pulse: {place!r} is that of lines.{name} already, which is an output; each has its own"
+        yield f"pulse: {place!r} is already used by lines.{name}, an output; choose another line"
 
 
 def _unprintable(tables: Tables) -> Iterator[str]:
@@ -256,7 +256,7 @@ def _twice(table: str, key: str, taken: dict[str, str]) -> Iterator[str]:
     first: dict[str, str] = {}
     for name, place in taken.items():
         if place in first:
-            yield f"{table}.{name}.{key}: {place!r} is that of {first[place]} already; each has its own"
+            yield f"{table}.{name}.{key}: {place!r} is already used by {first[place]}; each needs its own"
         elif place:
             first[place] = name
 

@@ -69,11 +69,11 @@ def _words(table: Table, key: str) -> list[str]:
 def _interfaces(interfaces: Interfaces, has_ipc: bool) -> Iterator[str]:
     for name in interfaces:
         if name in PLACES or name in {"", "*"}:
-            yield f"interfaces: {name!r} cannot be an interface's name: it has another meaning"
+            yield f"interfaces: {name!r} is reserved and cannot be an interface's name"
         elif not name.isprintable() or len(name) > MOST_NAME:
             yield f"interfaces: {show(name)} cannot be an interface's name: at most {MOST_NAME} printable characters"
     if IPC in interfaces and has_ipc:
-        yield f"interfaces.{IPC}: is the name of the interface processes of endpoint.ipc_in and ipc_out"
+        yield f"interfaces.{IPC}: this name is reserved for the interface processes of endpoint.ipc_in and ipc_out"
 
 
 def _slots(interfaces: Interfaces, known: Collection[str]) -> Iterator[str]:
@@ -97,7 +97,7 @@ def _clients(interfaces: Interfaces) -> Iterator[str]:
                 where = broker(str(options.get("url")))
                 clients[name] = where, str(options.get("client_id") or os.uname().nodename)
     for name, first in _second(clients):
-        what = f"that of {first} at the same broker"
+        what = f"also the one of {first} at the same broker"
         yield f"interfaces.{name}.client_id: {clients[name][1]!r} is {what}; give each its own"
 
 
@@ -106,7 +106,7 @@ def _serial_ports(interfaces: Interfaces) -> Iterator[str]:
     ports = _texts(interfaces, serial_option)
     for name, first in _second({name: os.path.realpath(port) for name, port in ports.items() if "\0" not in port}):
         key = serial_option(interfaces[name])
-        what = f"is that of {first} already; a port has one interface"
+        what = f"is already used by {first}; a port can have one interface"
         yield f"interfaces.{name}.{key}: {show(ports[name])} {what}"
 
 

@@ -63,7 +63,7 @@ def clock(now: float, is_monotonic: bool = time.get_clock_info("monotonic").mono
         yield Finding(
             Level.PROBLEM,
             "clock",
-            f"it is said to be {stamp}: receivers discard messages with such time stamps",
+            f"this machine's clock shows {stamp}: receivers discard messages with such time stamps",
             "set it: timedatectl set-ntp true, or let GNSS set it",
         )
     if not is_monotonic:
@@ -98,7 +98,7 @@ def endpoint(
         remedy = "a second station needs ports of its own: --set endpoint.from_users=PORT and so on"
         yield Finding(Level.WARNING, "endpoint", f"ports {numbers} of {host} belong to {ports.holder(running)}", remedy)
     else:
-        remedy = f"end what has them (ss -ltnp 'sport = :{taken[0]}'), or set endpoint.{_key(wanted, taken[0])}"
+        remedy = f"end that program (ss -ltnp 'sport = :{taken[0]}'), or set endpoint.{_key(wanted, taken[0])}"
         yield Finding(Level.PROBLEM, "endpoint", f"ports {numbers} of {host} are taken by another program", remedy)
 
 
@@ -134,10 +134,10 @@ def interface(
         trial.run(driver)
     except StationError as error:
         if is_service and isinstance(error.__cause__, PermissionError):
-            yield Finding(Level.OK, subject, f"{one.queue.driver}: only the service may try it: {error.message}")
+            yield Finding(Level.OK, subject, f"{one.queue.driver}: only the service may open it: {error.message}")
             return
         if is_beside and getattr(error.__cause__, "errno", None) in HELD:
-            what = f"{one.queue.driver}: not checked: the running station has another configuration"
+            what = f"{one.queue.driver}: not checked, because the running station uses it with another configuration"
             yield Finding(Level.WARNING, subject, what, "restart it")
             return
         remedy = error.hint or f"see the options of [interfaces.{one.name}]"

@@ -68,7 +68,7 @@ def _pulses(pulse: PulseDescription, receiver: str, machine: Machine) -> Iterato
         yield Finding(Level.OK, "pulses", f"{pulse.where} is not used: no interface announces pulses", remedy)
         return
     if pulse.kind:
-        yield Finding(Level.OK, "pulses", f"simulated, of {receiver}; `captain selftest` tries them")
+        yield Finding(Level.OK, "pulses", f"simulated pulses of {receiver}; `captain selftest` tests them")
         return
     with closing(Loop()) as loop:
         made = source(loop, pulse, machine.dev, _Unheard(), read_clocks)
@@ -78,7 +78,7 @@ def _pulses(pulse: PulseDescription, receiver: str, machine: Machine) -> Iterato
             # An existing, readable device that is not a pulse input stays wrong; any other error may pass by itself.
             is_wrong = bool(pulse.device) and os.access(pulse.device, os.R_OK)
             level = Level.PROBLEM if is_wrong else Level.WARNING
-            yield Finding(level, "pulses", f"{error.message}; time is that of messages", error.hint)
+            yield Finding(level, "pulses", f"{error.message}; the time comes from messages only", error.hint)
             return
         made.stop()
     yield Finding(Level.OK, "pulses", f"{pulse.where} can be opened; {receiver} announces them")

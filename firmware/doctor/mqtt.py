@@ -65,7 +65,7 @@ def closed(one: InterfaceConfig) -> Iterator[Finding]:
     """Report files that exist but that only the service's user may read; their content is not checked."""
     for _, path, _ in one.options.files():
         if os.path.exists(path) and not os.access(path, os.R_OK, effective_ids=True):
-            what = f"{path} is the service's alone; `captain box check` looks at it where it comes from"
+            what = f"only the service may read {path}; `captain box check` checks its original on the card"
             yield Finding(Level.OK, f"interface {one.name}", what)
 
 

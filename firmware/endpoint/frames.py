@@ -162,7 +162,7 @@ class Frames:
             interface, pdu = indication.interface, indication.pdu
             if interface in self._has_frames:
                 one = self._by_octets.get((interface, id(pdu)))
-            elif len(self._noted) >= self._most:  # as in _note(), copied for speed: in a flood most calls end here
+            elif len(self._noted) >= self._most:  # check of _note(), copied for speed: in a flood most calls end here
                 self._missed[interface] += 1
                 continue
             else:

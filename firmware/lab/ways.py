@@ -54,4 +54,4 @@ def _ways(station: str, status: Mapping[str, object]) -> Iterator[Way]:
 def table(found: Sequence[Way]) -> Table:
     heads = ("station", "interface", ">first", ">lead ms", ">alone")
     rows = [(way.station, way.interface, str(way.first), f"{way.lead_ms:.1f}", str(way.alone)) for way in found]
-    return Table("Which way was first, and what one way alone has brought", heads, rows)
+    return Table("Interface that was first, and messages of one interface alone", heads, rows)

@@ -31,7 +31,7 @@ class Fate(Enum):
     LATE = "late"  # arrived after a delay longer than the grace time
     UNSEEN = "unseen"  # no reception was reported to the meter, but the meter has missed reports
     DUPLICATE = "duplicate"  # received more often than it was sent
-    STRANGE = "strange"  # received, but the meter has no report that it was sent in this direction
+    STRANGE = "strange"  # received without a report that any station sent this message in this direction
 
 
 class Settled(NamedTuple):

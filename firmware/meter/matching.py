@@ -88,7 +88,7 @@ class Matching:
             self._copies.popitem(last=False)
         out = _Out(event, self._numbers, copy)
         self._numbers += 1
-        for stray in self._strays.of(digest):  # its station was silent; the reception was reported earlier
+        for stray in self._strays.of(digest):  # reception reported first, as the sender was silent
             if _plausible([out], stray):
                 self._strays.take(digest, stray)
                 fate = self._fate(event, stray, is_repeat=False)

@@ -184,9 +184,9 @@ def measure(meter: Meter, one: Recording, other: Recording) -> Laid:
     Raises StationError if both are of one station, share no direction, or cannot be aligned in time.
     """
     if one.path.samefile(other.path) or (_who(one) is not None and _who(one) == _who(other)):
-        raise StationError(f"{one.path} and {other.path} are of one station", "name a recording of each end")
+        raise StationError(f"{one.path} and {other.path} are of the same station", "name a recording of each end")
     ahead_s, how = _ahead(one, other)
-    notes = [f"{other.name}'s clock is taken to be {ahead_s:+.6f} s from {one.name}'s: {how}"] if how else []
+    notes = [f"{other.name}'s clock is assumed {ahead_s:+.6f} s ahead of {one.name}'s: {how}"] if how else []
     for name, recording in ((one.name, one), (other.name, other)):
         meter.station(name, recording.interfaces)
         if missed := sum(count for count, _, _ in recording.missed):
@@ -251,21 +251,21 @@ def _ahead(one: Recording, other: Recording) -> tuple[float, str]:
         return 0.0, ""
     offsets = [_offset_ns(recording) for recording in (one, other)]
     if offsets[0] is not None and offsets[1] is not None:
-        return (offsets[0] - offsets[1]) / 1e9, "both say how far they are off"
+        return (offsets[0] - offsets[1]) / 1e9, "both recordings state their clock error"
     there, back = _differences(one, other), _differences(other, one)
     if there and back:
-        return (statistics.median(there) - statistics.median(back)) / 2, "half of what both ways differ by"
+        return (statistics.median(there) - statistics.median(back)) / 2, "half of both directions' difference"
     if there:
-        return statistics.median(there), "all that messages took is taken for it"
+        return statistics.median(there), "the delay of messages is assumed to be zero"
     if back:
-        return -statistics.median(back), "all that messages took is taken for it"
+        return -statistics.median(back), "the delay of messages is assumed to be zero"
     if _have_in_common(one, other):
         raise StationError(
-            f"{one.path}, {other.path}: their clocks are not known, and no message was sent only once that would tell "
-            "how far they are apart",
+            f"{one.path}, {other.path}: their clock errors are unknown, and no message that was sent only once shows "
+            "the difference of the clocks",
             "record stations with known clocks, or messages that differ, as --probe sends them",
         )
-    return 0.0, "nothing tells it, for no message of one is in the other"
+    return 0.0, "unknown, because no message of one recording is in the other"
 
 
 def _offset_ns(one: Recording) -> float | None:
@@ -298,7 +298,7 @@ def told_of(one: Recording) -> dict[str, object]:
         notes.append("frames have no direction: those of the first file count as sent, of the second as received")
     notes += [f"{count} frames {what}: not measured" for what, count in one.left_out.items()]
     if one.broken:
-        notes.append(f"{one.broken}: only frames before it are measured")
+        notes.append(f"{one.broken}: only frames before this fault are measured")
     return {
         "where": str(one.path),
         "station": text(said, "station"),

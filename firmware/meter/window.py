@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from firmware.meter.delay import one_way
 from firmware.meter.fate import Fate, Settled
 
-MOST = 7200  # intervals of a direction; two hours at T = 1 s
+MOST = 7200  # most intervals kept per direction: two hours at intervals of 1 s
 
 
 class Window:

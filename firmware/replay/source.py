@@ -68,7 +68,7 @@ class Source(Reader):
         if isinstance(packet, layers.NoMessage):
             count(self.skipped, f"frames {packet.what}")
             return
-        when = frame.when_ns or None  # 0 is written for an unknown time
+        when = frame.when_ns or None  # time 0 in a capture means that the time is unknown
         yield _opened(packet, origin, when)._replace(frame=_framed(frame, packet))
 
 

@@ -34,10 +34,10 @@ class Event(StrEnum):
     SUPPLIED = "power is on"
     RELEASED = "out of reset"
     UNSUPPLIED = "power is off"  # the power was switched off as requested
-    UNSWITCHED = "its power could not be switched"
+    UNSWITCHED = "the slot's power could not be switched"
     STARTED = "driver started"
     FAILED = "driver failed"
-    STUCK = "driver failed too often, or for good"
+    STUCK = "driver failed too often, or cannot recover"
     EXHAUSTED = "power cycles without success"  # replaces ABSENT and STUCK
     STEADY = "ran steadily"
 

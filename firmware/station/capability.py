@@ -10,7 +10,7 @@ from firmware.station.interface_supervisor import InterfaceSupervisor
 from firmware.station.position import OwnPosition
 
 UNITS = {"v": "V", "a": "A", "w": "W", "c": "C", "rpm": "rpm", "percent": "%"}
-ABSENT = "see its table in the board file"
+ABSENT = "check the part's table in the board file"
 SILENT_S = 2.5  # time without a pulse after which the pulse input counts as not working
 TOLD = frozenset({"settling", "locked", "holdover"})  # states of the clock with time by pulses
 

@@ -94,8 +94,8 @@ class Operator:
             others = [
                 other for other, entry in self._interfaces.items() if isinstance(entry.interface.driver, Operated)
             ]
-            hint = f"one of {', '.join(others)}" if others else "no interface of this station can"
-            raise RequestError(f"interface {name} ({one.interface.driver_name}) cannot be asked anything", hint)
+            hint = f"one of {', '.join(others)}" if others else "no interface of this station accepts commands"
+            raise RequestError(f"interface {name} ({one.interface.driver_name}) accepts no commands", hint)
         if not one.is_running:
             raise RequestError(f"interface {name} is {one.state}: {one.interface.why}", "see `captain status`")
         driver.operate(ask, arguments, answer)

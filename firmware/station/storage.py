@@ -107,7 +107,7 @@ class Storage:
                 log.info("%s: files are kept again", self._folder)
             else:
                 log.warning("%s: %s: %s", self._folder, self._state, HINTS[self._state])
-        is_again = self._state is Kept.YES and before is not Kept.YES  # then a write is tried: success clears the hint
+        is_again = self._state is Kept.YES and before is not Kept.YES  # usable again: a write clears the hint
         is_due = not self._is_noted and (self._state is Kept.YES or not self._starts)
         if (is_again or is_due) and not self._is_over:
             self._note()

@@ -15,7 +15,7 @@ def add_broker(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("the broker, as in [interfaces.NAME] with driver = mqtt")
     group.add_argument("--url", required=True, help="mqtts://HOST[:PORT], or mqtt://HOST[:PORT] without TLS")
     group.add_argument(
-        "--profile", default="vcaptain", help=f"{', '.join(names())}, or a TOML file with another (default vcaptain)"
+        "--profile", default="vcaptain", help=f"{', '.join(names())}, or a TOML file with a profile (default vcaptain)"
     )
     group.add_argument("--prefix", default="", help="first levels of all topics, if the profile has a prefix")
     group.add_argument(

@@ -140,8 +140,8 @@ class Connection:
         """Schedule a reconnection. Raises StationError if another client has taken over the client_id."""
         if code == trouble.TAKEN_OVER:
             name = self._settings.client_id
-            hint = "each copy needs a --client-id of its own; without the option it has one"
-            raise StationError(f"{self.broker}: another client came with the name {name}", hint)
+            hint = "give each copy its own --client-id, or leave the option out"
+            raise StationError(f"{self.broker}: another client has connected with the same client_id, {name}", hint)
         was_up, self.is_up = self.is_up, False
         if self._is_leaving:
             self._say(f"captain: {self.broker}: {why} while leaving")

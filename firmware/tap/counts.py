@@ -99,17 +99,17 @@ class Counts:
         yield f"{self.octets} octets of payload"
         yield from self.complaints()
         if self.copies:
-            yield f"{self.copies} copies of them in another form"
+            yield f"{self.copies} further copies of these messages in another form"
         if self.unwanted:
             yield f"{self.unwanted} of other types"
         if self.beyond:
-            yield f"{self.beyond} more came before the broker let us go, and were not shown"
+            yield f"{self.beyond} more arrived during the disconnection, and were not shown"
         if connection.get("losses"):
             yield f"connection lost {connection['losses']:.0f} x, {connection['gap_s']:.1f} s without it"
         if connection.get("repeated"):
             yield f"{connection['repeated']:.0f} of them sent again by the broker: possibly twice"
         if connection.get("dropped"):
-            yield f"the broker says that it dropped {connection['dropped']:.0f} meanwhile, of all its clients"
+            yield f"the broker reports {connection['dropped']:.0f} dropped messages of all its clients meanwhile"
 
     def complaints(self) -> Iterator[str]:
         """Yield one line per reason for unreadable deliveries and for messages that were not recorded."""

@@ -40,7 +40,7 @@ class Folder:
 
     def __init__(self, place: Path = FOLDER, reserve: int = RESERVE) -> None:
         self.place = place
-        self._own = place / "fetched"  # apart from `place`, which belongs to operator, for files of any name
+        self._own = place / "fetched"  # a separate folder, because operator may put files of any name into `place`
         self.part = self._own / "bundle.part"
         self.bundle = self._own / "bundle.raucb"
         self._about = self._own / "bundle.json"

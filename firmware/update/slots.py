@@ -91,7 +91,7 @@ class RootSlot(NamedTuple):
         if self.is_new:
             return self._words_of_new
         if self.is_booted:
-            return _JUDGED.get(self.judged, "its station has not passed the check yet")
+            return _JUDGED.get(self.judged, "the slot's station has not passed the check yet")
         if self.left == 0:
             return "no tries left"
         return "kept" if self.state == AS_WRITTEN or self.left is None else "was well"
@@ -100,7 +100,7 @@ class RootSlot(NamedTuple):
     def _words_of_new(self) -> str:
         """State of a new slot in words; a power cut may have come after it was marked and before it was written."""
         if self.state == AS_WRITTEN and not self.is_booted:
-            return "an update of it began and was not written"
+            return "an update of this slot began, but was not written"
         if self.left == 0 and not self.is_booted:
             return "failed its trial"
         has_to = "must pass the check"

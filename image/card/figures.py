@@ -48,7 +48,7 @@ def sizes(described: Description, folder: Path, card: CardBuild) -> Iterator[Fig
     yield Figure("early boot", _mb(folder / "early/initrd"), "MB")
     yield Figure("update", _mb(card.bundle), "MB")
     packages = len(json.loads(card.packages.read_text()))
-    yield Figure("packages", packages, "", note="with what they depend on; kernel and firmware among them")
+    yield Figure("packages", packages, "", note="including dependencies, kernel and firmware")
 
 
 def times(took: Mapping[str, float], in_all_s: float) -> Iterator[Figure]:

@@ -108,9 +108,9 @@ def compare(image: Path, checksums: Path) -> None:
     lines = checksums.read_text(errors="replace").splitlines() if checksums.exists() else []
     built = [line.split()[0] for line in lines if line.endswith(f"  {image.name}")]
     if not built:
-        raise ImageError(f"{image}: was not built to its end", "make image builds it")
+        raise ImageError(f"{image}: the build of this image was not completed", "run make image")
     if checksum.sha256(image) != built[0]:
-        raise ImageError(f"{image}: is another one than was built", "make image builds it again")
+        raise ImageError(f"{image}: has changed since it was built", "run make image again")
 
 
 def write(image: Path, device: BlockDevice, users: Users, ask: Callable[[str], str]) -> None:
@@ -156,8 +156,8 @@ def _compared(image: Path, device: BlockDevice) -> None:
     with image.open("rb") as source, device.opened(os.O_RDONLY) as target:
         while octets := source.read(CHUNK):
             if _read(target, len(octets)) != octets:
-                hint = "the card is worn out, or not as large as it says"
-                raise ImageError(f"{device.path}: reads back something else before octet {source.tell()}", hint)
+                hint = "the card is worn out, or smaller than it reports"
+                raise ImageError(f"{device.path}: the octets before {source.tell()} differ from those written", hint)
 
 
 def _read(target: BinaryIO, size: int) -> bytes:

@@ -71,7 +71,7 @@ def kept(folder: Path, environment: Mapping[str, str] = os.environ) -> Keys:
     """Return the keys of a card that was built; make none. Raises ImageError if they are absent."""
     found = _of_release(environment) or _of_development(folder)
     if not found.certificate.exists():
-        raise ImageError(f"{found.certificate}: is not there", "make image makes it, and the card")
+        raise ImageError(f"{found.certificate}: missing", "run make image, which makes key, certificate and card")
     return found
 
 
@@ -79,7 +79,7 @@ def _of_release(environment: Mapping[str, str]) -> Keys | None:
     key, certificate = environment.get(KEY, ""), environment.get(CERTIFICATE, "")
     if not key and not certificate:
         if environment.get(KEYRING):
-            raise ImageError(f"{KEYRING} is set, and nothing to sign with", f"set {KEY} and {CERTIFICATE} as well")
+            raise ImageError(f"{KEYRING} is set, but no key to sign with", f"set {KEY} and {CERTIFICATE} as well")
         return None
     for name, value in ((KEY, key), (CERTIFICATE, certificate)):
         if not value:

@@ -17,7 +17,7 @@ class Kernel:
         self.folder = folder
         versions = sorted(path.name for path in (folder / "usr/lib/modules").glob("*"))
         if len(versions) != 1:
-            raise ImageError(f"kernel.package: has the modules of {versions or 'no kernel'}", "name one kernel")
+            raise ImageError(f"kernel.package: it has the modules of {versions or 'no kernel'}", "name one kernel")
         self.version = versions[0]
 
     @property

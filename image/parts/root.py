@@ -68,7 +68,7 @@ def install(packages: Sequence[Package], archives: Path, names: Sequence[str], t
     options += [f"--dpkgopt=path-exclude={path}" for path in excluded]
     options += ["--dpkgopt=path-include=/usr/share/doc/*/copyright", "--dpkgopt=force-unsafe-io"]
     wanted = ["--variant=essential", "--architectures=arm64", "--format=tar", f"--include={','.join(names)}"]
-    source = f"deb [trusted=yes] copy:{archives} ./"  # compared with apt's signed lists when they were fetched
+    source = f"deb [trusted=yes] copy:{archives} ./"  # checked by apt's signed lists after the download
     run(["mmdebstrap", "--quiet", *wanted, *options, "", target, source], environment={"SOURCE_DATE_EPOCH": EPOCH})
 
 

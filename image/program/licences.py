@@ -10,7 +10,7 @@ from image.project import PROJECT
 
 OWN = {"LICENSE": "copyright", "README.md": "README.md", "CHANGELOG.md": "CHANGELOG.md"}
 PAGES = ("*/guide/*.md", "*/guide/*.svg", "firmware/reference/*.md")
-LOADER = "pyinstaller"  # always included, because its loader starts the program
+LOADER = "pyinstaller"  # package whose licence is always included, because its loader starts the program
 _IN_A_SLOT = re.compile("usr/share/doc/([^/]+/copyright|captain/licences/.*)")
 _NOTICE = re.compile(r"(LICEN[CS]E|COPYING|NOTICE)", re.IGNORECASE)
 

@@ -112,11 +112,11 @@ def _twin(place: Path, others: Sequence[Path]) -> Path:
         found = sorted((folder / place.parent).glob(pattern))
         if found:
             return found[0]
-    raise ImageError(f"{place}: not found for the other processor", "its packages differ from this one's")
+    raise ImageError(f"{place}: not found for the other processor", "its packages differ from this processor's")
 
 
 def _check(package: archives.Package) -> None:
     """Check for modules that are specific to a processor. Raises ImageError if there is one."""
     for name in archives.module_names(package.entry(archives.MODULES).octets):
         if name.startswith("_sysconfigdata"):
-            raise ImageError(f"{name}: is of one processor", "leave what asks for it out, in firmware/captain.spec")
+            raise ImageError(f"{name}: works on one processor only", "exclude its importer in firmware/captain.spec")

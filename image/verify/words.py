@@ -13,7 +13,7 @@ OVERLAP = 4096  # octets of a chunk that are searched again with the next one: t
 # PEM of any kind, also with a password: RFC 7468, 10 and 11; RFC 1421, 4.6; OpenSSH, PROTOCOL.key. The first line alone
 # does not match, because each program that reads keys contains it.
 PRIVATE_KEY = rb"-----BEGIN [A-Z0-9 ]{0,20}PRIVATE KEY-----\s{0,2}(?:Proc-Type:|[A-Za-z0-9+/]{16})"
-KEY_OCTETS = 128  # octets of PEM that distinguish keys; 70 of them belong to the key itself
+KEY_OCTETS = 128  # octets of PEM text compared to recognise a key; 70 of them belong to the key itself
 # Libraries of Debian that contain public test keys.
 TESTED = re.compile(r"usr/lib/[^/]+/libgnutls\.so[.\d]*")
 

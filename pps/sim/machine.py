@@ -21,7 +21,7 @@ class Machine:
     def __init__(self, oscillator: Oscillator, system_error_ns: int = 0, monotonic_s: float = 5.0) -> None:
         self.oscillator = oscillator
         start_ns = BUILT_IN.unix_ns(oscillator.start_its_ns) + system_error_ns
-        self._raws = [oscillator.start_raw_ns]  # raw clock from which the entries in _systems apply
+        self._raws = [oscillator.start_raw_ns]  # readings of the raw clock from which each entry in _systems is valid
         self._systems = [(start_ns, monotonic_s, 0.0)]  # system's and loop's clock at that moment, slew in ppb
 
     def clocks(self, its_ns: int) -> Clocks:

@@ -193,7 +193,7 @@ def test_a_value_of_another_kind_anywhere_is_read_or_refused(name: str):
         ("cam", ["basic_container", "station_type"], "car", "message.basic_container.station_type: 'car' is not"),
         ("cam", ["high_frequency_container", "speed"], "fast", "speed.value: 'fast' is not an integer"),
         ("cam", ["low_frequency_container", "exterior_lights"], "10x", "exterior_lights: '10x' is not bits"),
-        ("cam", ["protocol_version"], 7, "message.protocol_version: 7: no version of cam has it"),
+        ("cam", ["protocol_version"], 7, "message.protocol_version: 7: no edition of cam has this protocolVersion"),
     ],
 )
 def test_an_invalid_value_of_a_cam_1_1_3_is_refused_with_its_path(kind: str, path: list[str], value: Any, says: str):
@@ -210,7 +210,7 @@ def test_an_invalid_value_of_a_cam_1_1_3_is_refused_with_its_path(kind: str, pat
     ("kind", "version", "says"),
     [
         ("srem", "2.0.1", 'message_format: "json/raw" of \'srem\' is not read; the sender has to choose "asn1/uper"'),
-        ("cpm", "2.0.1", "version: '2.0.1': cpm is read as JSON from 2.1.0 on"),
+        ("cpm", "2.0.1", "version: '2.0.1': the JSON of a cpm is supported from version 2.1.0 on"),
     ],
 )
 def test_json_of_another_structure_is_refused_by_its_format_or_version(kind: str, version: str, says: str):

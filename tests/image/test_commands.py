@@ -29,12 +29,14 @@ def test_a_folder_that_is_none_is_told(
     (tmp_path / "file").touch()
     code, told = said(monkeypatch, capsys, "--to", str(tmp_path / place), verb)
     assert code == 1
-    hint = "--to names a folder that you may write to"
-    assert told == f"image: {tmp_path / place}: nothing can be built in it: {why}\n  ({hint})\n"
+    hint = "name a folder that you may write to with --to"
+    assert told == f"image: {tmp_path / place}: cannot be used as build folder: {why}\n  ({hint})\n"
 
 
 def test_a_folder_that_nobody_can_make_is_told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
-    assert "image: /proc/x: nothing can be built in it: " in said(monkeypatch, capsys, "--to", "/proc/x", "build")[1]
+    assert (
+        "image: /proc/x: cannot be used as build folder: " in said(monkeypatch, capsys, "--to", "/proc/x", "build")[1]
+    )
 
 
 def test_a_date_that_is_none_is_told_before_anything_is_made(
@@ -59,7 +61,7 @@ def test_a_link_to_itself_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     [
         (
             PermissionError(errno.EACCES, "Permission denied", "/keys"),
-            "/keys: Permission denied\n  (as root, or as who",
+            "/keys: Permission denied\n  (run it as root, or as the user who",
         ),
         (OSError(errno.ENOSPC, "No space left on device"), "/to: No space left on device\n  (make room, or name"),
         (OSError(errno.EIO, "Input/output error", "/x"), "/x: Input/output error\n  (check the disk)\n"),
@@ -82,7 +84,7 @@ def test_who_stops_a_build_is_told_no_traceback(monkeypatch: pytest.MonkeyPatch,
         raise KeyboardInterrupt
 
     monkeypatch.setattr(__main__, "_build", stopped)
-    assert said(monkeypatch, capsys, "build") == (130, "image: stopped: a step that was not finished is made again\n")
+    assert said(monkeypatch, capsys, "build") == (130, "image: stopped; the next call repeats the unfinished step\n")
 
 
 @pytest.mark.parametrize("words", [["verify"], ["flash", "/dev/none"]])
@@ -108,7 +110,10 @@ def test_a_card_without_its_key_is_told_and_none_is_made(
     build.planned(described, folder).image.touch()
     code, told = said(monkeypatch, capsys, "--to", str(folder), "verify")
     assert code == 1
-    assert told == f"image: {folder}/keys/development.cert.pem: is not there\n  (make image makes it, and the card)\n"
+    assert (
+        told
+        == f"image: {folder}/keys/development.cert.pem: missing\n  (run make image, which makes key, certificate and card)\n"
+    )
     assert not folder.exists()
 
 

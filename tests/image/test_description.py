@@ -142,11 +142,11 @@ def test_the_own_description_gives_the_own_board_what_it_asks_for():
         ("size_mib = 128", "size_mib = 32", "boot: size_mib 32 is less than 33 MiB; a FAT32 has 65525 clusters"),
         ("size_mib = 800", "size_mib = 100", "root-a: size_mib 100 is less than 512 MiB"),
         ("size_mib = 8\n", "size_mib = 4\n", "state: size_mib 4 is less than 8 MiB; its second copy begins at 4 MiB"),
-        ('name = "state"', 'name = "status"', "are not the five that the boot script knows"),
+        ('name = "state"', 'name = "status"', "are not the five partitions that the boot script knows"),
         ("number = 5", "number = 4", "[1, 2, 3, 4, 6] are not [1, 2, 3, 5, 6]"),
         ('id = "b0070001"', 'id = "B0070001"', 'boot: id "B0070001" has not the form xxxxxxxx'),
-        ("0a01", "0a02", "root-a and root-b have not the same id"),
-        ("2d0d06", "2d0a01", "data and a root have the same id"),
+        ("0a01", "0a02", "root-a and root-b have different ids"),
+        ("2d0d06", "2d0a01", "data and a root partition have the same id"),
         ('kmod = "modules"', 'kmod = " "', "packages.install.kmod: has no reason; say what it is for, or leave it out"),
         ('kmod = "modules"', r'kmod = "a\u0007"', r'packages.install.kmod: "a\x07" has control characters'),
         ('kmod = "modules"', 'busybox-static = "twice"', "packages: busybox-static is in install and in unpack"),
@@ -228,7 +228,7 @@ def test_names_that_no_other_file_of_the_boot_partition_may_have_are_those_that_
 
 
 def test_slots_of_two_sizes_are_refused_as_no_update_would_fit_both(tmp_path: Path):
-    with pytest.raises(ImageError, match="root-a and root-b have 700 and 800 MiB, not the same size"):
+    with pytest.raises(ImageError, match="root-a and root-b have 700 and 800 MiB; make them equal"):
         read(changed(tmp_path, "size_mib = 800", "size_mib = 700"))
 
 

@@ -142,7 +142,7 @@ def test_a_driver_is_asked_over_the_control_socket(bench: Bench) -> None:
     answer = bench.station.ask(do="operate", interface="gnss", ask="status", arguments={})
     assert answer["ok"], answer
     refused = bench.station.ask(do="operate", interface="g5", ask="status")
-    assert refused["error"] == "interface g5 (som301e) cannot be asked anything"
+    assert refused["error"] == "interface g5 (som301e) accepts no commands"
 
 
 def _is_exact(clock: dict[str, Any]) -> bool:

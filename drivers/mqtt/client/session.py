@@ -94,7 +94,7 @@ class Phase(Enum):
     BEARER = auto()  # waits for the bearer
     PAUSE = auto()  # waits between two tries
     CONNECTING = auto()
-    SUBSCRIBING = auto()  # the connection is accepted, the first subscriptions are not acknowledged yet
+    SUBSCRIBING = auto()  # the broker has accepted the connection, but not yet acknowledged the first subscriptions
     UP = auto()
     CLOSED = auto()
 

@@ -63,7 +63,7 @@ def registration(line: str) -> Registration:
     """
     match = _REGISTRATION.match(line)
     if match is None:
-        raise ProtocolError(f"{line[:60]!r} says nothing of a registration")
+        raise ProtocolError(f"{line[:60]!r} is not a registration report")
     columns = fields(line, f"+{match[1]}")
     if _ASKED.match(match[2]):
         columns = columns[1:]
@@ -238,7 +238,7 @@ def attempts(line: str) -> Attempts:
     """Parse `+SPIC: <PIN>,<PUK>,<PIN2>,<PUK2>`. Raises ProtocolError for fewer than two columns."""
     columns = fields(line, "+SPIC")
     if len(columns) < 2:
-        raise ProtocolError(f"{line[:60]!r}: {len(columns)} columns, not 2 at least")
+        raise ProtocolError(f"{line[:60]!r}: {len(columns)} columns; at least 2 are needed")
     return Attempts(number(columns[0], line), number(columns[1], line))
 
 

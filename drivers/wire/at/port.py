@@ -144,7 +144,7 @@ class AtCore:
             else:
                 self._line(line, now, events)
         self._complain(events)
-        # Only after all lines: text after a final code in the same octets cannot answer the next command.
+        # Sent after all lines are processed: lines received before cannot be the answer to the next command.
         self._proceed(now)
         return events
 

@@ -301,4 +301,4 @@ def _check_versions(standards: Collection[str]) -> None:
 
 def _check_type(name: str) -> None:
     if not name or any(letter in "+#/\0" for letter in name):
-        raise ConfigurationError(f"types: {name!r} cannot be a level of a topic", "leave + # / and NUL out")
+        raise ConfigurationError(f"types: {name!r} is invalid as a level of a topic", "leave + # / and NUL out")

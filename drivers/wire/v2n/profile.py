@@ -143,10 +143,10 @@ class Profile:
         self.noted = ""
         topic, payload, is_retained, _ = delivery
         if len(payload) > MAX_PAYLOAD:
-            raise RefusedError(Reason.PAYLOAD, f"{topic[:64]}: {len(payload)} octets are above {MAX_PAYLOAD}")
+            raise RefusedError(Reason.PAYLOAD, f"{topic[:64]}: payload of {len(payload)} octets; at most {MAX_PAYLOAD}")
         place, kind, port = self._find(topic)
         if is_retained and not self._rule(kind).accept_retained:
-            raise RefusedError(Reason.RETAINED, f"{topic[:64]}: the broker had kept it")
+            raise RefusedError(Reason.RETAINED, f"{topic[:64]}: retained by the broker, of unknown age")
         try:
             pdu, source = place.payload.read(kind, payload)
         except RefusedError as error:
@@ -274,4 +274,4 @@ def _check_pdu(topic: str, pdu: bytes) -> None:
     if ITS_HEADER <= size <= MAX_PDU:
         return
     reason = Reason.EMPTY_PDU if not pdu else Reason.SHORT_PDU if size < ITS_HEADER else Reason.LONG_PDU
-    raise RefusedError(reason, f"{topic[:64]}: a PDU of {size} octets; {ITS_HEADER} to {MAX_PDU} are possible")
+    raise RefusedError(reason, f"{topic[:64]}: a PDU of {size} octets; a PDU has {ITS_HEADER} to {MAX_PDU}")

@@ -65,7 +65,7 @@ class Template:
 def check_value(name: str, value: str) -> None:
     """Check a value for topics. Raises ConfigurationError if it is empty or has a forbidden character."""
     if not value:
-        raise ConfigurationError(f"{name} is empty, and the profile's topics name it", f"set {name}")
+        raise ConfigurationError(f"{name} is empty, but the profile's topics contain it", f"set {name}")
     if _FORBIDDEN.search(value) or (name != "prefix" and "/" in value):
         raise ConfigurationError(f"{name}: invalid in a topic: {value!r}", "leave + # / and NUL out")
     if not value.isprintable():
@@ -75,7 +75,7 @@ def check_value(name: str, value: str) -> None:
 def check_text(text: str) -> None:
     """Check the template of a status text. Raises ConfigurationError for variables other than those of the station."""
     for name in sorted(set(_GAP.findall(text)) - set(OF_STATION)):
-        raise ConfigurationError(f"{text!r}: {{{name}}} is not of the station", _remedy(name, OF_STATION))
+        raise ConfigurationError(f"{text!r}: {{{name}}} is not a variable of the station", _remedy(name, OF_STATION))
 
 
 def fill_text(text: str, values: Mapping[str, str]) -> str:
@@ -107,8 +107,8 @@ def _check(text: str, is_filter: bool) -> None:
         raise ConfigurationError(f"{text!r}: no message can be published there", "leave + # and NUL out")
     levels = text.split("/")
     if is_filter and levels[0] == "$share":
-        remedy = "leave $share and the group out: a vehicle wants all that is delivered, not its share"
-        raise ConfigurationError(f"{text!r}: a profile shares no subscription", remedy)
+        remedy = "leave out $share and the group: a vehicle needs all messages, not a share of them"
+        raise ConfigurationError(f"{text!r}: shared subscriptions are not allowed in a profile", remedy)
     for place, level in enumerate(levels):
         is_wild = level == "+" or (level == "#" and place == len(levels) - 1)
         if not is_wild and ("+" in level or "#" in level):

@@ -108,7 +108,7 @@ def _folder(folder: Path, form: str | None) -> Iterator[Item]:
         raise RequestError(f"{folder}: {error.strerror}", file_remedy.to_read(error)) from error
     chosen = [entry for entry in files if form is not None or entry.suffix.lower() in SUFFIXES]
     if not chosen:
-        raise RequestError(f"{folder}: none of its {len(files)} files is of a known kind", ACCEPTED)
+        raise RequestError(f"{folder}: none of its {len(files)} files has a known suffix", ACCEPTED)
     for entry in chosen:
         yield from _all_of(_file(entry, form))
 

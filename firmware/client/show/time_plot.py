@@ -72,7 +72,7 @@ def _offset(rows: Sequence[SecondRow], title: str) -> pygal.XY:
     chart = _chart(title, "hours ago", "us", x_value_formatter=_ago)
     last_s = rows[-1].its_s
     bounds = {"earliest": -1.0, "latest": 1.0}
-    chart.add("true time less the system's clock", _points(rows, last_s, [row.offset_ns for row in rows]))
+    chart.add("true time minus system clock", _points(rows, last_s, [row.offset_ns for row in rows]))
     for name, sign in bounds.items():
         values = [row.offset_ns + sign * row.uncertainty_ns for row in rows]
         chart.add(f"at the {name}, 99.9 %", _points(rows, last_s, values))
@@ -81,7 +81,7 @@ def _offset(rows: Sequence[SecondRow], title: str) -> pygal.XY:
 
 def _jitter(rows: Sequence[SecondRow]) -> pygal.XY:
     chart = _chart(
-        "jitter of pulses about the estimate: standard deviation",
+        "jitter: standard deviation of the pulses from the estimate",
         "hours ago",
         "us",
         show_legend=False,

@@ -139,8 +139,8 @@ def _map(result: Object) -> str:
 
 def _caption(way: str, spots: list[Object], more: int) -> str:
     guessed = sum(spot["is_guessed"] for spot in spots)
-    words = f"{way}: each message where its {drawing.end_of(spots)} was, by the strength at which it was received"
-    words += f"; {guessed} of {len(spots)} between the places before and after" if guessed else ""
+    words = f"{way}: each message at the position of its {drawing.end_of(spots)}, coloured by signal strength"
+    words += f"; {guessed} of {len(spots)} at positions that are interpolated" if guessed else ""
     return words + (f"; {more} more are not shown" if more else "")
 
 

@@ -115,7 +115,7 @@ def _distributions(result: Object) -> Iterator[Plot]:
         # The largest value is omitted, because it would stretch the axis.
         at = sorted({value / divisor for _, _, one in told for value in one["cumulative"][:-1]})
         series = [Series(name, colour, _shares(one["cumulative"], divisor, at)) for name, colour, one in told]
-        yield Plot(f"{key} cumulative", f"{title}: share that is no longer", label, "share, %", "%", at, series)
+        yield Plot(f"{key} cumulative", f"{title}: share up to this value", label, "share, %", "%", at, series)
 
 
 def _shares(cumulative: Sequence[float], divisor: float, at: Sequence[float]) -> list[float | None]:
@@ -148,7 +148,7 @@ def _clocks(result: Object) -> Plot | None:
             if second["uncertainty_ns"] is not None
         }
         series.append(Series(name, colour, [known.get(one) for one in at], True))
-    title = "Clock quality: the truth is within +- this"
+    title = "Clock quality: stated bound of the error"
     return Plot("clocks", title, "seconds from the beginning", "uncertainty, ms", "ms", at, series)
 
 

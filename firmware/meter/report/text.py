@@ -124,11 +124,11 @@ def paths(result: Object) -> Table:
             )
         )
     notes = [
-        f"{both['sender']} > {both['receiver']}: all together deliver {share(both['gain'])} more than the best alone"
+        f"{both['sender']} > {both['receiver']}: all interfaces deliver {share(both['gain'])} more than the best one"
         for both in result["paths"]
         if both["gain"] is not None
     ]
-    return Table("Messages sent by several ways: which was first, by how much", heads, cells, notes)
+    return Table("Messages sent by several interfaces: which was first, by how much", heads, cells, notes)
 
 
 def trips(result: Object) -> Table:
@@ -141,7 +141,7 @@ def trips(result: Object) -> Table:
         )
         for one in result["trips"]
     ]
-    return Table("By one clock, this meter's: ZeroMQ to ZeroMQ", heads, cells)
+    return Table("From ZeroMQ to ZeroMQ, by the clock of this meter", heads, cells)
 
 
 def hops(result: Object) -> Table:
@@ -153,11 +153,11 @@ def hops(result: Object) -> Table:
             cells.append((one["station"], f"{one['interface']}: {name}", *_spread(one[key])))
     cells += [(one["station"], "up: to users", *_spread(one["up_us"])) for one in result["delivered"] if one["up_us"]]
     notes = [
-        f"{one['station']}: {count} not sent by {one['interface'] or 'the station'}: {reason}"
+        f"{one['station']}: {count} messages not sent by {one['interface'] or 'the station'}: {reason}"
         for one in result["leaving"]
         for reason, count in one["not_sent"].items()
     ]
-    return Table("Inside: where a delay is made", heads, cells, notes)
+    return Table("Delays inside the stations, by step", heads, cells, notes)
 
 
 def hearing(result: Object) -> Table:

@@ -68,7 +68,7 @@ def read(program: bytes) -> Package:
     """Return the package at the end of a program. Raises ImageError if it has none."""
     end = program.rfind(_MAGIC)
     if end < 0:
-        raise ImageError("the frozen program carries no package", "PyInstaller's form may have changed")
+        raise ImageError("the frozen program contains no PyInstaller package", "PyInstaller's form may have changed")
     _, size, at, rows_size, python, library = _END.unpack_from(program, end)
     package = program[end + _END.size - size : end]
     rows, found = package[at : at + rows_size], []
@@ -104,7 +104,7 @@ def with_modules(archive: bytes, modules: Sequence[OwnModule]) -> bytes:
     octets = bytearray(archive[:at])
     for module in modules:
         if module.name in known:
-            raise ImageError(f"{module.name}: was frozen as if it were not ours")
+            raise ImageError(f"{module.name}: a module of this project was frozen as a third-party module")
         code = zlib.compress(module.code, 9)
         rows.append((module.name, (_PACKAGE if module.is_package else _MODULE, len(octets), len(code))))
         octets += code

@@ -111,7 +111,7 @@ def test_the_template_names_every_form_and_every_variable():
         (
             'name = "mine"',
             'name = "mine"\n[status]\ntopic = "s"\nlost = "{type}"',
-            r"status: '\{type\}': \{type\} is not of the station",
+            r"status: '\{type\}': \{type\} is not a variable of the station",
         ),
         ('name = "mine"', 'name = "mine"\n[types.cam]\nexpiry_s = 0', r"types\.cam: expiry_s: out of range: 0"),
         ('name = "mine"', 'name = "mine"\n[types.cam]\nstandard = {}', r"types\.cam: standard: empty table"),
@@ -121,7 +121,7 @@ def test_the_template_names_every_form_and_every_variable():
             r"types\.cam: standard: invalid protocolVersion '256'; 0 to 255",
         ),
         ('name = "mine"', 'name = "mine"\n[types.cam]\nstandard = { 01 = "x" }', "invalid protocolVersion '01'"),
-        ('payload = "binary"', 'payload = "binary"\ntypes = ["a/b"]', "types: 'a/b' cannot be a level of a topic"),
+        ('payload = "binary"', 'payload = "binary"\ntypes = ["a/b"]', "types: 'a/b' is invalid as a level of a topic"),
     ],
 )
 def test_a_mistake_is_told_with_its_file_and_key(tmp_path: Path, old: str, new: str, says: str):

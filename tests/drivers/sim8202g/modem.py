@@ -60,7 +60,10 @@ class FakeSystem(System):
             loop.after(0.1, lambda: done(Ended(None, printed)))
         elif run.keep:
             loop.after(
-                0.1, lambda: done(StepError(f"{run.argv[0]} ended with status {status} before it had an address"))
+                0.1,
+                lambda: done(
+                    StepError(f"{run.argv[0]} ended with status {status} before the network had assigned an address")
+                ),
             )
         else:
             loop.after(0.1, lambda: done(Ended(status, printed)))

@@ -252,7 +252,9 @@ def test_a_client_of_dhcp_that_nobody_answers_is_a_step_that_fails_and_is_tried_
     bench.modem.product = "9011"
     bench.system.fails = {"udhcpc"}
     bench.start()
-    bench.loop.run_until(lambda: "udhcpc ended with status 1 before it had an address" in bench.station.why)
+    bench.loop.run_until(
+        lambda: "udhcpc ended with status 1 before the network had assigned an address" in bench.station.why
+    )
     bench.system.fails = set()
     bench.loop.run_until(lambda: bench.station.is_up)
 

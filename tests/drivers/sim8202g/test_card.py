@@ -82,7 +82,7 @@ def test_the_last_attempts_of_a_card_are_not_ours(locked, tmp_path, loop):
     bench = locked()
     bench.modem.card.attempts = 1
     bench.start()
-    loop.run_until(lambda: "leaves 1 attempts" in bench.station.why)
+    loop.run_until(lambda: "allows only 1 more attempts" in bench.station.why)
     loop.run_for(3600)
     assert bench.modem.card.tries == []
 
@@ -117,7 +117,7 @@ def test_a_pin_file_that_is_not_safe_is_not_used(locked, tmp_path, loop, pin, mo
 
 
 @pytest.mark.parametrize(
-    ("state", "why"), [("SIM PIN", "asks for a PIN"), ("SIM PUK", "PUK"), ("PH-NET PIN", "locked to another")]
+    ("state", "why"), [("SIM PIN", "needs its PIN"), ("SIM PUK", "PUK"), ("PH-NET PIN", "locked to another")]
 )
 def test_a_card_that_is_locked_blocks_and_is_said_once(bench, loop, state, why, caplog):
     bench.modem.card.state = state
@@ -193,7 +193,7 @@ def test_at_a_card_that_does_not_say_which_it_is_no_pin_is_tried(locked, answer)
     bench = locked()
     bench.modem.lies = lambda text: f"\r\n{answer}\r\n" if text == "AT+CICCID" else None
     bench.start()
-    bench.loop.run_until(lambda: "which it is cannot be read" in bench.station.why)
+    bench.loop.run_until(lambda: "ICCID cannot be read" in bench.station.why)
     bench.loop.run_for(300)
     assert bench.modem.card.tries == []
     assert not bench.station.failures

@@ -22,7 +22,7 @@ def test_a_header_with_nothing_behind_it_is_truncated():
 
 
 def test_six_octets_that_no_message_begins_with_are_no_truncated_header():
-    assert cause(bytes.fromhex("02ff00000001")).startswith("`captain decode --list` shows what there is")
+    assert cause(bytes.fromhex("02ff00000001")).startswith("`captain decode --list` lists all editions")
 
 
 def test_a_message_that_was_cut_off_is_truncated_where_it_ends():

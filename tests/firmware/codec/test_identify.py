@@ -54,7 +54,7 @@ def test_octets_that_an_edition_of_another_version_takes_are_not_shown_as_that()
 def test_a_version_that_no_edition_has_is_decoded_and_doubted():
     found = identity(octets(OLD, 7, version=9))
     assert found.message is SAME
-    assert "messageID 66 announces it, though protocolVersion 9 is not of this edition" in found.why
+    assert "messageID 66 announces it, but protocolVersion 9 is not that of this edition" in found.why
     assert found.doubt == "no edition of ball has protocolVersion 9"
 
 
@@ -94,7 +94,7 @@ def test_octets_that_are_encoded_otherwise_still_decode_and_it_is_said():
     lossy = Message("ball-9", ids=(66,), versions=(2,), fields={"size": 200}, mask=0x0F)
     found = identity(octets(lossy, 0x33), [lossy])
     assert not found.is_exact
-    assert found.why.endswith("it is encoded to other octets than these")
+    assert found.why.endswith("encoding the decoded message again gives other octets")
 
 
 def test_a_user_who_asks_for_an_edition_gets_it_whatever_the_header_says():

@@ -224,11 +224,11 @@ def test_who_listens_is_told_by_the_kernel():
     ("answer", "words"),
     [
         (b'{"ok": false, "error": "busy", "hint": "wait"}\n', "refused `status`: busy\n  (wait)"),
-        (b"not JSON\n", "what answers there is not a station"),
-        (b"[]\n", "what answers there is not a station"),
+        (b"not JSON\n", "the program that answers there is not a station"),
+        (b"[]\n", "the program that answers there is not a station"),
         (b'{"ok": true}\n', "the answer holds no status"),
-        (b"", "what answers there is not a station"),
-        (b"[" * 100_000 + b"\n", "what answers there is not a station"),
+        (b"", "the program that answers there is not a station"),
+        (b"[" * 100_000 + b"\n", "the program that answers there is not a station"),
     ],
 )
 def test_a_strange_answer_of_the_control_socket_is_explained(tmp_path, capsys, answer, words):

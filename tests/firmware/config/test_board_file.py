@@ -102,7 +102,11 @@ def test_a_board_that_ships_has_no_mistake_and_says_what_it_is(path: Path) -> No
         ('[identity]\nbus = "main"', '[identity]\nbus = "x"', "identity.bus: 'x' is not declared; known: main"),
         ('power = "v2x_power"', 'power = "v2x_powr"', "slots.v2x.power: 'v2x_powr' is not declared; did you mean"),
         ('reset = "v2x_reset"', 'reset = "v2x"', "slots.v2x.reset: 'v2x' is not declared"),
-        ('reset = "v2x_reset"', 'reset = "v2x_power"', "slots.v2x.reset: 'v2x_power' is its power as well"),
+        (
+            'reset = "v2x_reset"',
+            'reset = "v2x_power"',
+            "slots.v2x.reset: 'v2x_power' is also the power line of the slot",
+        ),
         ('usb = "1-1.2"\n', "", "slots.free.usb: is missing; a hub can switch"),
         ('usb = "1-1.2"', 'usb = "1-1.3"', "slots.free.usb: '1-1.3' is that of v2x already"),
         ("hub_port = true", 'power = "v2x_power"', "slots.free.power: 'v2x_power' is that of v2x already"),
@@ -156,8 +160,8 @@ def test_a_pulse_comes_to_one_input(tmp_path: Path, pulse: str, where: str) -> N
         ('chip = "gpiochip0"', "pulse.offset: is missing; give that of the line"),
         ('device = "/dev/p\\u001b[31mps"', "pulse.device: '/dev/p\\x1b[31mps' has characters that cannot be printed"),
         ('device = "/dev/pps0\\u0000"', "pulse.device: '/dev/pps0\\x00' has characters that cannot be printed"),
-        ('kind = "simulated"', "pulse.kind: a real board has real pulses"),
-        ('chip = "pinctrl-bcm2711"\noffset = 17', "pulse: 'pinctrl-bcm2711 17' is that of lines.v2x_reset already"),
+        ('kind = "simulated"', "pulse.kind: simulated pulses need a simulated board"),
+        ('chip = "pinctrl-bcm2711"\noffset = 17', "pulse: 'pinctrl-bcm2711 17' is already used by lines.v2x_reset"),
         ('devise = "/dev/pps0"', "pulse.devise: is not a known key; did you mean device?"),
         ('device = "/dev/pps0"\nedge = "up"', 'pulse.edge: "up" is not a choice'),
         ('device = "/dev/pps0"\nlatency_ns = -1', "pulse.latency_ns: -1 is "),
@@ -219,7 +223,7 @@ def test_the_channels_of_one_chip_may_be_rails_of_their_own(tmp_path: Path) -> N
     assert len(read(tmp_path, WHOLE + "".join(rails)).rails) == 3
     again = f"[rails.r3]\n{chip.format(1)}"
     assert mistakes(tmp_path, WHOLE + "".join([*rails, again])) == [
-        "rails.r3.address: 0x41 of main is that of rails.r1 already; each has its own"
+        "rails.r3.address: 0x41 of main is already used by rails.r1; each needs its own"
     ]
 
 

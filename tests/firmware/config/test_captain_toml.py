@@ -396,7 +396,7 @@ def test_the_only_receiver_drives_the_pulse_without_being_named(folder: Path, pu
 
 def test_of_several_receivers_the_one_that_drives_the_pulse_is_named(folder: Path, pulsed: str) -> None:
     (told,) = mistakes(folder, GNSS + MORE, board=pulsed)
-    assert told.endswith("time.receiver: gnss and second announce pulses; name the one that drives that of the board")
+    assert told.endswith("time.receiver: gnss and second announce pulses; name the one wired to the board's input")
     assert loaded(folder, '[time]\nreceiver = "second"\n' + GNSS + MORE, board=pulsed).tables.time.receiver == "second"
 
 

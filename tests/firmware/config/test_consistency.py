@@ -237,8 +237,8 @@ MODEM = '[interfaces.cell]\ndriver = "sim8202g"\nport = "ttyUSB0"\nbearer = "non
 @pytest.mark.parametrize(
     ("other", "said"),
     [
-        ('driver = "zed_f9p"\nport = "gnss"', '.port: "gnss" is that of cell already; a port has one interface'),
-        ('driver = "uart"\ndevice = "./ttyUSB0"', '.device: "./ttyUSB0" is that of cell already; a port has one interface'),
+        ('driver = "zed_f9p"\nport = "gnss"', '.port: "gnss" is already used by cell; a port can have one interface'),
+        ('driver = "uart"\ndevice = "./ttyUSB0"', '.device: "./ttyUSB0" is already used by cell; a port can have one interface'),
         ('driver = "zed_f9p"\nkind = "static"\nlatitude = 1.0\nlongitude = 1.0\nport = "gnss"', ""),
         ('driver = "uart"\ndevice = "ttyUSB1"', ""),
         ('driver = "uart"\ndevice = "tty\\u0000"', f".device: {captain_toml.ZERO}"),

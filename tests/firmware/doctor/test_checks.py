@@ -92,7 +92,7 @@ def test_an_interface_whose_address_a_station_with_another_configuration_may_hol
         address = f"127.0.0.1:{taken.getsockname()[1]}"
         found = only(checks.interface(udp(address), MAC, None, is_beside=True))
     assert found.level is Level.WARNING
-    assert found.text.endswith("not checked: the running station has another configuration")
+    assert found.text.endswith("not checked, because the running station uses it with another configuration")
     assert found.remedy == "restart it"
 
 

@@ -36,7 +36,10 @@ def test_a_station_without_a_receiver_uses_nothing_of_it(tmp_path: Path) -> None
 
 def test_an_input_that_is_absent_is_a_warning_with_its_remedy(tmp_path: Path) -> None:
     pulses = found(tmp_path, GNSS)["pulses"]
-    assert (pulses.level, pulses.text) == (WARNING, "/dev/none: No such file or directory; time is that of messages")
+    assert (pulses.level, pulses.text) == (
+        WARNING,
+        "/dev/none: No such file or directory; the time comes from messages only",
+    )
     assert "pps-gpio" in pulses.remedy
 
 

@@ -35,7 +35,7 @@ def test_a_message_comes_back_from_its_list(length):
 def test_a_list_of_none_or_of_several_is_refused_in_words(count):
     list_ = bytearray(wrap(MESSAGE, STAMP_NS, b"map"))
     list_[20:24] = count.to_bytes(4, "little")
-    with pytest.raises(RefusedError, match=f"{count} messages are in the list: one in each is sent"):
+    with pytest.raises(RefusedError, match=f"the list has {count} messages; only lists with one message are sent"):
         unwrap(bytes(list_))
 
 

@@ -60,7 +60,7 @@ def now(monkeypatch) -> None:
 def test_before_a_heading_is_known_there_is_a_place_and_no_pose(said):
     tell(said)
     assert [len(said[topic]) for topic in ("own/fix", "own/pose", "/tf")] == [1, 0, 0]
-    assert said["own"].why_no_transform == "no heading has been known yet"
+    assert said["own"].why_no_transform == "the station's heading was never known so far"
 
 
 def test_a_heading_is_kept_while_it_is_not_known(said):

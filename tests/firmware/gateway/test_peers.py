@@ -25,7 +25,7 @@ def test_nothing_is_said_of_those_with_the_same_definition():
 
 def test_another_type_is_named_with_the_node_and_both():
     assert said(info("planner", "std_msgs/msg/String", namespace="/car")) == [
-        f"/cam/transmitted: /car/planner has it as std_msgs/msg/String, and not as {CAM}: nothing passes"
+        f"/cam/transmitted: /car/planner uses type std_msgs/msg/String instead of {CAM}: no message passes"
     ]
 
 

@@ -131,7 +131,7 @@ CONSTANT_IN = [(1, n * 0.1 + 0.02, Direction.IN) for n in range(30)]
 def test_two_unknown_clocks_and_one_pdu_again_and_again_cannot_be_laid_side_by_side(
     tmp_path: Path, ahead_s: float
 ) -> None:
-    with pytest.raises(StationError, match="their clocks are not known"):
+    with pytest.raises(StationError, match="their clock errors are unknown"):
         measured(
             recorded(tmp_path / "a", "one", CONSTANT_OUT, UNKNOWN),
             recorded(tmp_path / "b", "other", CONSTANT_IN, UNKNOWN, ahead_s),
@@ -195,18 +195,18 @@ def test_a_recording_with_a_wrong_length_in_it_is_measured_up_to_there_and_it_is
     meter, _ = measured(one, other)
     assert meter.ways[WAY].whole.arrived == 19
     (note,) = recording.told_of(recording.read(other, "B", False))["notes"]  # type: ignore[misc]
-    assert "only frames before it are measured" in note
+    assert "only frames before this fault are measured" in note
     assert "cut off" not in note
 
 
 def test_two_recordings_of_one_station_are_refused(tmp_path: Path) -> None:
     one = recorded(tmp_path / "a", "boot", OUT, GOOD)
-    with pytest.raises(StationError, match="are of one station"):
+    with pytest.raises(StationError, match="are of the same station"):
         measured(one, one)
     for name in "ab":
         with (tmp_path / name).open("wb") as stream:
             Pcapng(stream, "test", said={"boot": "boot", "pid": 7}).add("g5", START_NS, frame(1), Direction.OUT)
-    with pytest.raises(StationError, match="are of one station"):
+    with pytest.raises(StationError, match="are of the same station"):
         measured(tmp_path / "a", tmp_path / "b")
 
 

@@ -90,7 +90,7 @@ def test_what_a_driver_refuses_is_told(bench: Bench) -> None:
         ('"interface": ["modem"], "ask": "at"', "interface: ['modem'] is not known", "did you mean modem?"),
         ('"interface": "modem"', "ask: is missing", "give a text"),
         ('"interface": "modem", "ask": "at", "arguments": 5', "arguments: 5 is not an object", 'give {"name": value}'),
-        ('"interface": "g5", "ask": "at"', "interface g5 (scripted) cannot be asked anything", "one of modem"),
+        ('"interface": "g5", "ask": "at"', "interface g5 (scripted) accepts no commands", "one of modem"),
     ],
 )
 def test_a_question_that_means_nothing_is_refused_with_what_to_do(

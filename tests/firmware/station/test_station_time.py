@@ -37,7 +37,7 @@ def test_it_is_locked_and_the_status_says_so(stage: Stage) -> None:
 
 def test_the_journal_has_each_state_once(stage: Stage) -> None:
     lines = [line for line in stage.journal.lines if "captain.time" in line and "before)" in line]
-    words = ("messages", "pulses come", "that of the pulses")
+    words = ("messages", "pulses arrive", "comes from the receiver's pulses")
     assert [next(word for word in words if word in line) for line in lines] == list(words)
 
 

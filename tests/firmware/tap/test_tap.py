@@ -183,7 +183,7 @@ def test_a_broker_that_names_the_other_client_ends_it_with_a_remedy() -> None:
     connection._network._is_accepted = True
     flags, code = DisconnectFlags(True), ReasonCode(PacketTypes.DISCONNECT, identifier=0x8E)
     connection._network._on_disconnect(None, None, flags, code, None)
-    with pytest.raises(StationError, match="another client came with the name same") as ended:
+    with pytest.raises(StationError, match="another client has connected with the same client_id, same") as ended:
         connection.turn(0.0)
     assert "--client-id" in ended.value.hint
 

@@ -10,7 +10,7 @@ from board.runtime.errors import StationError
 from firmware.update import slots as update_slots
 from tests.firmware.update.rauc_service import STATUS
 
-NOT_YET = "its station has not passed the check yet"
+NOT_YET = "the slot's station has not passed the check yet"
 HAS_TO = "on trial: must pass the check"
 
 
@@ -43,7 +43,7 @@ def test_slot_whose_update_was_cut_off_before_it_was_written_is_not_updated(left
     status = json.loads(json.dumps(STATUS))
     status["slots"][0]["rootfs.1"].pop("slot_status")
     there = update_slots.other(update_slots.slots(status, State(("A", "B"), 3, left, "B")))
-    assert there.words == "an update of it began and was not written"
+    assert there.words == "an update of this slot began, but was not written"
 
 
 @pytest.mark.parametrize("left", [0, 2])

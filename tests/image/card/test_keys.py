@@ -81,7 +81,7 @@ def test_a_key_in_hardware_is_named_and_never_read(tmp_path: Path):
     [
         ({keys.KEY: "/k"}, "CAPTAIN_RELEASE_CERT is not set"),
         ({keys.CERTIFICATE: "/c"}, "CAPTAIN_RELEASE_KEY is not set"),
-        ({keys.KEYRING: "/r"}, "CAPTAIN_RELEASE_KEYRING is set, and nothing to sign with"),
+        ({keys.KEYRING: "/r"}, "CAPTAIN_RELEASE_KEYRING is set, but no key to sign with"),
         ({keys.KEY: "/none/k", keys.CERTIFICATE: "/none/c"}, "/none/c: not found"),
     ],
 )

@@ -75,6 +75,6 @@ def test_what_is_handed_out_was_looked_through_and_whose_key_signed_it_is_said(
     monkeypatch.setattr(release, "make", lambda *arguments: handed_out.append(arguments) or [])
     assert __main__._release(SimpleNamespace(to=tmp_path), None) == status  # type: ignore[arg-type]
     assert bool(handed_out) is is_sound
-    assert ("boxes take any update that is signed by this machine" in capsys.readouterr().err) == (
+    assert ("boxes accept any update signed on this machine" in capsys.readouterr().err) == (
         kind == "development" and is_sound
     )

@@ -131,7 +131,7 @@ def test_a_library_that_no_package_has_is_told(other: Path):
 
 def test_bytecode_of_one_processor_is_told(tmp_path: Path, other: Path):
     made = frozen(tmp_path / "made", "_sysconfigdata__x86_64-linux-gnu")
-    with pytest.raises(ImageError, match="is of one processor"):
+    with pytest.raises(ImageError, match="works on one processor only"):
         translated.translate(made, [other], libraries(other), other / "run", Tools(), tmp_path / "target")
 
 

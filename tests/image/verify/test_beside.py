@@ -78,7 +78,7 @@ def test_what_was_built_has_no_trouble(card: build.CardBuild):
 def test_each_file_that_was_changed_or_is_gone_is_told(card: build.CardBuild, name: str, what: str):
     path: Path = getattr(card, name)
     path.write_bytes(path.read_bytes() + b" ")
-    assert told(card)[f"the checksum of the {what}"] == f"{path}: is another one than was built"
+    assert told(card)[f"the checksum of the {what}"] == f"{path}: has changed since it was built"
     path.unlink()
     assert told(card)[f"the checksum of the {what}"] == f"{path}: is not there"
 

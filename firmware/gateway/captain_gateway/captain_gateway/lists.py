@@ -40,6 +40,6 @@ def unwrap(cdr: bytes) -> bytes:
         raise RefusedError("foreign", f"no list: frame_id ends at {at} of {len(octets)} octets")
     [count] = COUNT.unpack_from(octets, at)
     if count != 1:
-        raise RefusedError("list", f"{count} messages are in the list: one in each is sent")
+        raise RefusedError("list", f"the list has {count} messages; only lists with one message are sent")
     at += COUNT.size
     return ENCAPSULATION + octets[at + -at % ALIGNMENT :]

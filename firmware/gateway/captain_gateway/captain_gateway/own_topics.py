@@ -54,7 +54,7 @@ class OwnTopics:
     @property
     def why_no_transform(self) -> str:
         """Reason why no transform is published; empty if it is published."""
-        return self._lacking or ("no heading has been known yet" if self._turn is None else "")
+        return self._lacking or ("the station's heading was never known so far" if self._turn is None else "")
 
     def status(self, told: dict[str, Any]) -> None:
         """Publish the position of a status report."""

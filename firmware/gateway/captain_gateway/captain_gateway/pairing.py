@@ -69,7 +69,7 @@ class RawReader:
             self._read = library.find("rawrx-1").reader(*self.PATHS)
         except LookupError as error:
             raise GatewayError(
-                f"{library.__file__} has no rawrx-1, what a station says of a reception: generate it with that or --all"
+                f"{library.__file__} lacks the message rawrx-1, a station's report of a reception: add rawrx-1 or --all"
             ) from error
 
     def __call__(self, octets: bytes) -> tuple[Reception, bytes]:

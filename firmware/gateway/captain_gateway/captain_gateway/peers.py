@@ -32,7 +32,7 @@ def strangers(topic: str, own: Iterable[Peer], others: Iterable[Peer]) -> list[s
     said = []
     for other in others:
         if other.type != expected.type:
-            said.append(f"{topic}: {other.node} has it as {other.type}, and not as {expected.type}: nothing passes")
+            said.append(f"{topic}: {other.node} uses type {other.type} instead of {expected.type}: no message passes")
         elif other.hash and expected.hash and other.hash != expected.hash:
             said.append(
                 f"{topic}: {other.node} has another definition of {expected.type}: {other.hash}, and not "

@@ -42,7 +42,7 @@ def test_a_type_without_a_name_is_called_by_its_message_id():
 
 
 def test_a_status_names_the_station_only():
-    with pytest.raises(ConfigurationError, match=r"\{type\} is not of the station"):
+    with pytest.raises(ConfigurationError, match=r"\{type\} is not a variable of the station"):
         Status("v2x/status", connected="{type}")
     assert profile(ProfileDescription("s", (), (), status=Status("s", connected="{host} + {station}"))).connected()
 

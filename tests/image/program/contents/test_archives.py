@@ -68,7 +68,7 @@ def test_modules_are_added_behind_those_that_stay_as_they_are():
 
 
 def test_a_module_of_ours_that_was_frozen_with_what_is_not_ours_is_told():
-    with pytest.raises(ImageError, match="board: was frozen as if it were not ours"):
+    with pytest.raises(ImageError, match="board: a module of this project was frozen as a third-party module"):
         archives.with_modules(modules("board"), [OwnModule("board", True, b"")])
 
 

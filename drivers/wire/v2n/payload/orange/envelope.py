@@ -103,7 +103,7 @@ class Orange:
     def _envelope(self, sending: Sending, form: str, message: dict[str, Any]) -> bytes:
         if sending.now_ms < FIRST_MS:
             raise RequestError(
-                f"timestamp {sending.now_ms} is before 2018, and the profile's schema has none such",
+                f"timestamp {sending.now_ms} is before 2018, which the profile's schema does not allow",
                 "set the clock, or wait for the time of GNSS",
             )
         rule = self._rule(sending.kind)
@@ -179,7 +179,7 @@ def _encoded(codec: Codec, kind: str, version: str, message: dict[str, Any]) -> 
     if kind not in RAW:
         refuse("message_format", f'"{JSON}" of {shown(kind)} is not read; the sender has to choose "{UPER}"')
     if kind == "cpm" and numbers(version) < _OLDEST_CPM:
-        refuse("version", f"{shown(version)}: cpm is read as JSON from 2.1.0 on")
+        refuse("version", f"{shown(version)}: the JSON of a cpm is supported from version 2.1.0 on")
     number = member(message, "protocol_version", int, "message")
     last: ValueError | None = None
     for edition in codec.editions(kind):
@@ -197,4 +197,4 @@ def _encoded(codec: Codec, kind: str, version: str, message: dict[str, Any]) -> 
                 return pdu
     if last:
         raise RefusedError(Reason.PAYLOAD, str(last)) from last
-    return refuse("message.protocol_version", f"{number}: no version of {kind} has it")
+    return refuse("message.protocol_version", f"{number}: no edition of {kind} has this protocolVersion")

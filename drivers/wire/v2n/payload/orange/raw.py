@@ -153,7 +153,7 @@ class _Writing:
             if name == "perceived_object_container":
                 count, written = written.values()
                 if count != len(written):
-                    raise ConversionError(f"{path}.{name}", f"{count}, but the list has {len(written)} objects")
+                    raise ConversionError(f"{path}.{name}", f"count {count}, but the list has {len(written)} objects")
             found[name] = written
         return found
 
@@ -165,7 +165,7 @@ class _Writing:
         told = size_of(kind, places) if kind.names or self._kind in MASKS else len(names)
         if unnamed or size != told:
             raise ConversionError(
-                path, f"bit {unnamed[0]} has no name" if unnamed else f"{size} bits: no such length in the schema"
+                path, f"bit {unnamed[0]} has no name" if unnamed else f"{size} bits: not a length of the schema"
             )
         if self._kind in SETS:
             if kind.name in NOT_EMPTY and not places:

@@ -86,7 +86,7 @@ class _Reading:
                 return (small if abs(number) <= (small.type.high or 0) else large).name, number
             case "CHOICE":
                 if len(_want(value, dict, path)) != 1:
-                    raise ConversionError(path, f"{len(value)} members; there has to be one")
+                    raise ConversionError(path, f"{len(value)} members; the object of a CHOICE must have one")
                 ((name, item),) = value.items()
                 field = _named({name_of(kind, field): field for field in kind.fields}, name.strip(), f"{path}.{name}")
                 return field.name, self.value(field.type, item, f"{path}.{name}")
@@ -227,7 +227,7 @@ def _ascii(value: Any, path: str) -> bytes:
 def _only(value: Any, name: str, path: str) -> Any:
     """Return the only member of an object. Raises ConversionError if it has others."""
     if list(_want(value, dict, path)) != [name]:
-        raise ConversionError(path, f"has to have one member, {name}")
+        raise ConversionError(path, f"must be an object with the single member {name}")
     return value[name]
 
 

@@ -197,7 +197,7 @@ def test_the_pdu_in_base64_is_taken_beside_it():
 @pytest.mark.parametrize(
     ("path", "value", "says"),
     [
-        ("protocol_version", 9, "message.protocol_version: 9: no version of cam has it"),
+        ("protocol_version", 9, "message.protocol_version: 9: no edition of cam has this protocolVersion"),
         ("protocol_version", ..., "message.protocol_version: is missing"),
         ("station_id", "42", "message.station_id: '42' is not an integer"),
         ("station_id", 1 << 32, "4294967296"),
@@ -210,7 +210,7 @@ def test_the_pdu_in_base64_is_taken_beside_it():
         (f"{CAR}.drive_direction", 3, "drive_direction: is not known; known: 0, 1, 2"),
         (f"{CAR}.acceleration_control", {"brake": True}, "acceleration_control.brake: is not known"),
         (f"{CAR}.acceleration_control", {"acc_engaged": 1}, "acceleration_control.acc_engaged: 1 is not true or false"),
-        (HIGH, {}, "high_frequency_container: 0 members; there has to be one"),
+        (HIGH, {}, "high_frequency_container: 0 members; the object of a CHOICE must have one"),
         (HIGH, {"bus": {}}, "high_frequency_container.bus: is not known"),
         ("low_frequency_container", [], "low_frequency_container: an array is not an object"),
         (
