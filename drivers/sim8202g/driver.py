@@ -74,4 +74,4 @@ class Sim8202g:
 
 
 def _nothing() -> None:
-    """Do nothing; stands for the reset function of a modem that was never started."""
+    """Do nothing; the reset function of a modem that was never started."""

@@ -204,7 +204,7 @@ class RunningModem:
         self._known.garbage += garbage.octets
         history = self._history
         history.garbled = history.garbled or Journal(log, self.host.name, self.host.loop.clock, GARBAGE)
-        text = f"{self._known.garbage} octets at an AT port were no valid line: {redact_garbage(garbage.sample)!r}"
+        text = f"{self._known.garbage} octets at an AT port were not a valid line: {redact_garbage(garbage.sample)!r}"
         history.garbled.say(logging.WARNING, text)
 
     def _broken(self, error: InterfaceError) -> None:
