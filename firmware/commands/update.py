@@ -201,7 +201,7 @@ def _status(is_json: bool) -> None:
         )
         for slot in slots
     ]
-    notes = [f"{slot.name}: {slot.words}" for slot in slots]  # a column of them would be cut on 80 columns
+    notes = [f"{slot.name}: {slot.words}" for slot in slots]  # 80 columns have no room for a column of texts
     notes += [f"this is {own.takes}"] if own.takes else []
     notes += [] if slots else ["an update is being installed: slots are shown after its end"]
     notes.append(_last(last))
