@@ -215,7 +215,7 @@ def _of_partitions(disk: Disk) -> Iterator[str]:
         return
     numbers = [partition.number for partition in disk.partitions]
     if numbers != NUMBERS:
-        yield f"disk.partitions: the numbers are {numbers}, but the boot script needs {NUMBERS}; 4 contains 5 and 6"
+        yield f"disk.partitions: the numbers {numbers} are not {NUMBERS}, as the boot script needs; 4 holds 5 and 6"
     one, other, data = (disk.partition(name) for name in ("root-a", "root-b", "data"))
     if one.size_mib != other.size_mib:
         yield (

@@ -103,7 +103,7 @@ class PinGuard:
         if key in refused:
             if has_cost:
                 self._keep(record, iccid, _Card(refused))
-            raise PinError("the SIM has refused this PIN before: the station does not try it again", "correct pin_file")
+            raise PinError("the SIM has refused this PIN before, so it is not tried again", "correct pin_file")
         if left < LEAST_ATTEMPTS:
             raise PinError(
                 f"the SIM allows only {left} more attempts for its PIN: the station tries none",

@@ -243,7 +243,7 @@ def _addresses_twice(board: Hardware) -> Iterator[str]:
             is_another_channel = channel and taken and channel != taken
             if other != f"{table}.{name}" and not is_another_channel:
                 place = f"{chip.address:#04x} of {chip.bus}"
-                yield f"{table}.{name}.address: {place} is that of {other} already; each has its own"
+                yield f"{table}.{name}.address: {place} is already used by {other}; each needs its own"
 
 
 def _pin(line: LineDescription | PulseDescription) -> str:

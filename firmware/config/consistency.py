@@ -69,7 +69,7 @@ def _words(table: Table, key: str) -> list[str]:
 def _interfaces(interfaces: Interfaces, has_ipc: bool) -> Iterator[str]:
     for name in interfaces:
         if name in PLACES or name in {"", "*"}:
-            yield f"interfaces: {name!r} is reserved and cannot be an interface's name"
+            yield f"interfaces: {name!r} cannot be an interface's name, because the name is reserved"
         elif not name.isprintable() or len(name) > MOST_NAME:
             yield f"interfaces: {show(name)} cannot be an interface's name: at most {MOST_NAME} printable characters"
     if IPC in interfaces and has_ipc:
@@ -97,7 +97,7 @@ def _clients(interfaces: Interfaces) -> Iterator[str]:
                 where = broker(str(options.get("url")))
                 clients[name] = where, str(options.get("client_id") or os.uname().nodename)
     for name, first in _second(clients):
-        what = f"also the one of {first} at the same broker"
+        what = f"also that of {first} at the same broker"
         yield f"interfaces.{name}.client_id: {clients[name][1]!r} is {what}; give each its own"
 
 

@@ -68,7 +68,7 @@ def read(program: bytes) -> Package:
     """Return the package at the end of a program. Raises ImageError if it has none."""
     end = program.rfind(_MAGIC)
     if end < 0:
-        raise ImageError("the frozen program contains no PyInstaller package", "PyInstaller's form may have changed")
+        raise ImageError("the frozen program carries no PyInstaller package", "PyInstaller's form may have changed")
     _, size, at, rows_size, python, library = _END.unpack_from(program, end)
     package = program[end + _END.size - size : end]
     rows, found = package[at : at + rows_size], []

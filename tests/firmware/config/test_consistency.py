@@ -318,7 +318,9 @@ client_id = "{client}"
 def test_two_clients_of_one_name_at_one_broker_are_a_mistake(folder: Path, url: str, client: str) -> None:
     (said,) = mistakes(folder, TWO_CLIENTS.format(url=url, client=client))
     name = os.uname().nodename
-    assert said.endswith(f"interfaces.far.client_id: {name!r} is that of near at the same broker; give each its own")
+    assert said.endswith(
+        f"interfaces.far.client_id: {name!r} is also that of near at the same broker; give each its own"
+    )
 
 
 @pytest.mark.parametrize(

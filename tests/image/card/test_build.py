@@ -106,7 +106,7 @@ def test_a_package_that_is_kept_is_the_one_that_apts_signed_list_names(tmp_path:
             ask(Listed(tmp_path / ask.__name__, b"abd"), ["a"])
     listed = Listed(tmp_path / "none", b"abc")
     listed.said = "'http://x/a_1_arm64.deb' a_1_arm64.deb 3 \n"
-    with pytest.raises(ImageError, match="apt's list has no SHA-256"):
+    with pytest.raises(ImageError, match="apt's list lacks its SHA-256"):
         listed.closed(["a"])
 
 

@@ -44,7 +44,7 @@ def test_a_development_key_is_made_once_and_is_valid_from_the_builds_epoch_on(tm
 
 
 def test_the_key_of_a_card_that_was_built_is_found_and_none_is_made(tmp_path: Path):
-    with pytest.raises(ImageError, match=r"development\.cert\.pem: is not there"):
+    with pytest.raises(ImageError, match=r"development\.cert\.pem: missing"):
         keys.kept(tmp_path / "none", {})
     assert not (tmp_path / "none").exists()
     made = keys.chosen(tmp_path / "keys", EPOCH, {})

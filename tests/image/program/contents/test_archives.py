@@ -74,7 +74,7 @@ def test_a_module_of_ours_that_was_frozen_with_what_is_not_ours_is_told():
 
 @pytest.mark.parametrize("octets", [b"", b"\x7fELF and no package"])
 def test_a_program_without_a_package_is_told(octets: bytes):
-    with pytest.raises(ImageError, match="carries no package"):
+    with pytest.raises(ImageError, match="carries no PyInstaller package"):
         archives.read(octets)
 
 

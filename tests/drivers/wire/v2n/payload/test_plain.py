@@ -255,7 +255,7 @@ def test_before_2018_nothing_is_sent_by_orange():
         (b"[" * 65_536, "deeper than 64"),
         (b'{"a":' * 10_000, "deeper than 64"),
         (b'{"a":' + b"[" * MAX_DEPTH + b"]" * MAX_DEPTH + b"}", "deeper than 64"),
-        (b" " * 65_537, "payload of 65537 octets; at most 65536"),
+        (b" " * 65_537, "65537 octets are above 65536"),
     ],
 )
 def test_what_is_no_bounded_json_object_is_refused_by_name(payload: bytes, says: str):
