@@ -157,7 +157,7 @@ def test_a_composition_that_the_module_does_not_keep_blocks_with_a_remedy(make_m
     bench = make_modem(bearer="mbim")
     bench.modem.lies = lambda text: "\r\nUSBID: 0X1E0E,0X9001\r\n\r\nOK\r\n" if text == "AT+CUSBCFG?" else None
     bench.start()
-    loop.run_until(lambda: "stays 1e0e:9001" in bench.station.why, within=300)
+    loop.run_until(lambda: "keeps USB composition 1e0e:9001" in bench.station.why, within=300)
     boots = bench.modem.boots
     loop.run_for(600)
     assert bench.modem.boots == boots
