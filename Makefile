@@ -8,7 +8,6 @@
 
 # The last commit before the code lay in packages, whose figures tests/bench/FIGURES.md has.
 BEFORE ?= d0166e94
-SINCE ?= f0af33a7
 
 PYTEST := .venv/bin/python -m pytest
 
@@ -102,11 +101,11 @@ bench-ros2: setup-ros2 ## UPER to ROS 2's CDR and back beside typed messages and
 bench-before: setup-test binary ## this tree beside an earlier commit: link to indication, start and size of the binaries; BEFORE=COMMIT
 	@.venv/bin/python -m tests.bench.before $(BEFORE) $(ARGS)
 
-arcs: setup-test ## the branches that the tests take, folder by folder, beside an earlier commit; SINCE=COMMIT ARGS=--names
-	@.venv/bin/python -m tests.cover.arcs $(SINCE) $(ARGS)
+arcs: setup-test ## the branches that the tests take, folder by folder, beside an earlier commit; BEFORE=COMMIT ARGS=--names
+	@.venv/bin/python -m tests.cover.arcs $(BEFORE) $(ARGS)
 
-mutants: setup-test ## 500 small mistakes in a folder: how many the tests notice, beside an earlier commit; SINCE=COMMIT ARGS='pps'
-	@.venv/bin/python -m tests.cover.mutants --before $(SINCE) $(or $(ARGS),firmware/card)
+mutants: setup-test ## 500 small mistakes in a folder: how many the tests notice, beside an earlier commit; BEFORE=COMMIT ARGS='pps'
+	@.venv/bin/python -m tests.cover.mutants --before $(BEFORE) $(or $(ARGS),firmware/card)
 
 truth: setup-test ## compare our codec with others on generated messages, and each edition with the others; ARGS='--count 1000000'
 	@.venv/bin/python -m tests.asn1.truth $(ARGS)

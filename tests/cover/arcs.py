@@ -1,6 +1,6 @@
 """Prints the branches that the tests take, beside an earlier commit.
 
-usage: python -m tests.cover.arcs [--names] [--tests PATH ...] COMMIT; make arcs SINCE=COMMIT
+usage: python -m tests.cover.arcs [--names] [--tests PATH ...] COMMIT; make arcs BEFORE=COMMIT
 
 COMMIT   an earlier one, which is checked out and set up in build/bench/before.
 --names  prints the branches that were taken before and are not now, though they are still there.
