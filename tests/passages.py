@@ -5,7 +5,8 @@ usage: python -m tests.passages [--count N] [--seed S] [PATH ...]
 PATH  files or folders, relative to the root. Default: all of the product.
 
 People explain each passage in one sentence without the code. Then the sentences are compared with the code.
-A passage is printed as its reader meets it: a docstring with its name and parameters, a comment with its line of code.
+A passage is printed as its reader meets it: a docstring with its name and parameters, a comment with its line of code,
+a paragraph with its heading, a table cell with its row.
 """
 
 import argparse
@@ -68,9 +69,17 @@ def messages(path: str, source: str) -> Iterator[Passage]:
 
 
 def paragraphs(path: str, source: str) -> Iterator[Passage]:
-    """Yield paragraphs, list items and table cells."""
+    """Yield paragraphs, list items and table cells, each with its heading; a cell with its row and the heads of columns."""
+    lines = source.splitlines()
     for text in of_document(path, source):
-        yield Passage(path, "", text.text)
+        above = [line for line in lines[: text.line] if line.startswith(("## ", "### "))]  # `# ` may be in a program
+        beside = (above or lines)[-1 if above else 0].lstrip("# ")
+        if (row := lines[text.line - 1]).startswith("|"):
+            first = text.line - 1
+            while first and lines[first - 1].startswith("|"):
+                first -= 1
+            beside += f"\n{lines[first]}\n{row}"
+        yield Passage(path, beside, text.text)
 
 
 KINDS: dict[str, tuple[str, Callable[[str, str], Iterator[Passage]]]] = {
