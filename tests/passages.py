@@ -5,8 +5,8 @@ usage: python -m tests.passages [--count N] [--seed S] [PATH ...]
 PATH  files or folders, relative to the root. Default: all of the product.
 
 People explain each passage in one sentence without the code. Then the sentences are compared with the code.
-A passage is printed as its reader meets it: a docstring with its name and parameters, a comment with its line of code,
-a paragraph with its heading, a table cell with its row.
+A passage is printed as its reader meets it. A docstring has its name and parameters, and a comment its line of code. A
+paragraph has its heading, and a table cell its row.
 """
 
 import argparse
