@@ -41,6 +41,7 @@ class Reason(StrEnum):
     BAD_JSON = "bad-json"
     FACILITIES_BUSY = "facilities-busy"
     FACILITIES_RESTARTING = "facilities-restarting"
+    NO_LIBRARY = "no-library"
     UNKNOWN_TYPE = "unknown-type"
     NO_PORT = "no-port"
     NO_INTERFACE = "no-interface"
@@ -108,6 +109,7 @@ MEANING: dict[Reason, str] = {
     Reason.BAD_JSON: "the second frame is not the JSON of a message; `invalid` of the confirm lists all its faults",
     Reason.FACILITIES_BUSY: "more JSON than the facilities process converts",
     Reason.FACILITIES_RESTARTING: "the facilities process, which converts JSON, died; it starts again",
+    Reason.NO_LIBRARY: "this program has no message library, which converts JSON; `make codec` builds it",
     Reason.UNKNOWN_TYPE: "messageID (second octet of the PDU) is in no table; add a row [[types]] to captain.toml",
     Reason.NO_PORT: "this type has no BTP port in the profile in use; choose profile standard or add a row [[types]]",
     Reason.NO_INTERFACE: "no interface that the policy or the user names for it exists and transmits",

@@ -95,11 +95,11 @@ def _up(size: int, align: int) -> int:
 def arena_octets(pdu: Node) -> int:
     """Return the most arena octets that decoding takes per octet of a message, rounded up.
 
-    The estimate adds the worst ratios of memory to encoded bits:
-    - a struct in the arena is charged to its own bits: numbers, presence bits, lengths and strings;
-    - a string is charged to its bits again;
-    - a list element without own bits is charged to the bits of its contents again, or to the length of the list.
-    Units beyond 16383 are encoded in fragments and take up to four times as much.
+    One encoded bit can cause memory for a struct, a string and list elements. So the worst ratios of memory to encoded
+    bits are added: of a struct, of a string, and of a list element without own bits. The bits of such an element are
+    those of its contents, or else of the length of its list.
+
+    Lists and strings of 16384 or more elements are encoded in fragments; for these, the caller multiplies by four.
     """
     sizes: dict[Node, tuple[int, int]] = {}
     nodes = _reached(pdu)

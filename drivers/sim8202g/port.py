@@ -43,7 +43,10 @@ class AtPort:
         self._port = SerialPort(loop, path, BAUD, self._received, self._broken, self._write)
 
     def ask(self, command: Command, done: Done, priority: int = 1) -> None:
-        """Queue a command by priority; call done() later, with its answer. Raises RequestError if too many wait."""
+        """Queue a command; priority 0 leaves first. Call done() later, with its answer.
+
+        Raises RequestError if too many wait.
+        """
         self._done[self.core.command(command, self._loop.clock(), priority)] = done
         self._write()
 

@@ -109,7 +109,7 @@ def _by_name(one: Object, edition: str, wish: Wish) -> list[Message]:
         return exact
     fits = [message for message in wish.known if edition.lower() == message.type and not message.form_of]
     if fits:
-        return _announced(fits, _message(one), wish) or fits
+        return ([] if wish.is_forced else announced(fits, _message(one))) or fits
     if wish.asked is not None:
         raise RequestError(
             f"{one.origin}: edition: {edition} contradicts --edition {wish.asked}",
@@ -122,22 +122,22 @@ def _by_name(one: Object, edition: str, wish: Wish) -> list[Message]:
 def _by_header(one: Object, value: object, wish: Wish) -> list[Message]:
     """Return the editions that the header announces, if none is named. The -ext form must be named."""
     strict = [message for message in wish.known if not message.form_of]
-    announced = _announced(strict or wish.known, value, wish)
-    if announced:
-        return announced
+    found = [] if wish.is_forced else announced(strict or wish.known, value)
+    if found:
+        return found
     _, number = _header(value)
     fits = [message.name for message in wish.known if number in message.ids]
     editions = " or ".join(fits or ["cam-1.4.1"])
     raise RequestError(f"{one.origin}: edition is missing", f'add "edition" or pass --edition {editions}')
 
 
-def _announced(messages: Sequence[Message], value: object, wish: Wish) -> list[Message]:
+def announced(messages: Sequence[Message], value: object) -> list[Message]:
     """Return editions with the header's messageID and protocolVersion.
 
     Those that spell the header in the same way come first.
     """
     version, number = _header(value)
-    if version is None or number is None or wish.is_forced:
+    if version is None or number is None:
         return []
     fits = of_header(messages, bytes((version, number)))
     return sorted(fits, key=lambda message: (not _has_names(message, value), message.rank))

@@ -168,7 +168,7 @@ def _decoder() -> Decoder | None:
 def _names(text: str) -> list[str]:
     names = [name.strip() for name in text.split(",") if name.strip(" .")]
     if not names:
-        raise argparse.ArgumentTypeError(f"{text!r} names no field; as speedValue,header.stationID")
+        raise argparse.ArgumentTypeError(f"{text!r} names no field; name some, such as speedValue,header.stationID")
     return names
 
 

@@ -15,7 +15,7 @@ from firmware.config.tables import PolicyRow
 
 # Number of rows per message. The station compiles them in 0.5 ms, and takes 32 messages per turn of its loop.
 BATCH = 16
-LOOK = 4096  # number of octets at the beginning of a file that are read: if all are blank, its contents are lost
+LOOK = 4096  # number of octets at the beginning of a file that are read: if all are white space, its contents are lost
 # Tables that must not disappear unnoticed, because they decide which messages leave. For each: its notation, and the
 # notation of an empty table.
 NEEDED = {"interfaces": ("[interfaces]", "[interfaces]"), "policy": ("[[policy]]", "policy = [] above all tables")}

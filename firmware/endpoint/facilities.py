@@ -48,7 +48,8 @@ class Facilities:
         self._why = "starting"
         self._was_up = False
         self._has_heard = False
-        self._worker = Worker(routing.loop, WORKER, self._message, self._changed)
+        self._is_told = True
+        self._worker = Worker(routing.loop, WORKER, self._message, self._changed, self._writable)
 
     def request(self, kind: MessageType | None, body: bytes, place: str, asked: Parsed) -> None:
         """Encode the JSON of a user and send it. Every outcome is reported as a confirm.
@@ -118,8 +119,13 @@ class Facilities:
         return self._worker.is_up and self._worker.send(packed("ask", tuple(ask)))
 
     def _tell_wanted(self) -> None:
+        """Tell the process the topics; again when its queue has room, if it was full."""
         if self._feed is not None:
-            self._worker.send(packed("want", self._feed.address, tuple(self._wanted)))
+            self._is_told = self._worker.send(packed("want", self._feed.address, tuple(self._wanted)))
+
+    def _writable(self) -> None:
+        if not self._is_told:
+            self._tell_wanted()
 
     def _changed(self, is_up: bool, why: str) -> None:
         self._why = why
@@ -129,19 +135,19 @@ class Facilities:
             if self._feed is not None:
                 self._feed.begin()
             self._tell_wanted()
-            self._requests.go_on()
         else:
             if self._feed is not None and self._was_up:
                 self._count_lost(self._feed.sent - self._told_done, Reason.FACILITIES_RESTARTING)
             self._requests.end(Reason.FACILITIES_RESTARTING, why, is_all=not self._was_up)
         self._was_up = is_up
+        self._requests.go_on()
 
     def _message(self, message: bytes) -> None:
         kind, *parts = parts_of(message)
         if kind == "pdu":
-            self._requests.encoded(*cast("tuple[int, bytes]", parts))
+            self._requests.encoded(*cast("tuple[int, bytes, str]", parts))
         elif kind == "refused":
-            self._requests.refused(*cast("tuple[int, str, tuple[Fault, ...]]", parts))
+            self._requests.refused(*cast("tuple[int, str, str, tuple[Fault, ...]]", parts))
         elif kind == "json":
             self._made += 1
             self._reports.publish(*cast("tuple[bytes, bytes]", parts))

@@ -54,7 +54,7 @@ DIGEST = 16  # number of hexadecimal digits of a SHA-256: with 8 octets, digests
 # File with the kernel's identifier of this boot. Stations with the same identifier share one clock.
 BOOT = "/proc/sys/kernel/random/boot_id"
 # Reasons to refuse a message in JSON, which has no PDU yet.
-OF_JSON = frozenset({Reason.BAD_JSON, Reason.FACILITIES_BUSY, Reason.FACILITIES_RESTARTING})
+OF_JSON = frozenset({Reason.BAD_JSON, Reason.NO_LIBRARY, Reason.FACILITIES_BUSY, Reason.FACILITIES_RESTARTING})
 PAGE_KB = resource.getpagesize() // 1024
 
 

@@ -2,13 +2,13 @@
 
 import time
 from collections.abc import Callable
+from typing import Protocol
 
 import zmq
 
 from board.runtime.loop import Loop
 from drivers.message import Ego, Indication, Position
 from drivers.wire import raw
-from firmware.endpoint.facilities import Facilities
 from firmware.endpoint.peers.interest import CountedTopics
 from firmware.endpoint.publisher import Publisher
 from firmware.routing.drops import Drops
@@ -17,6 +17,12 @@ from firmware.topics import Topics
 RAW = b"raw."
 HEARTBEAT = b"hb.counter"
 HEARTBEAT_S = 1.0
+
+
+class JsonSide(Protocol):
+    """Receiver of published messages, for users who want JSON (firmware.endpoint.facilities.Facilities)."""
+
+    def publish(self, indications: list[Indication]) -> None: ...
 
 
 class Users:
@@ -37,7 +43,7 @@ class Users:
     ) -> None:
         self.published = 0
         self.raw = 0
-        self.json: Facilities | None = None
+        self.json: JsonSide | None = None
         self._is_raw_wanted = False
         self._loop = loop
         self._envelopes = topics.envelopes

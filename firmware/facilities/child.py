@@ -8,13 +8,14 @@ import zmq
 
 from board.runtime.child import MAX_MESSAGE
 from board.runtime.errors import StationError
+from drivers.reason import Reason
 from firmware.codec import library
 from firmware.facilities.converting import Converter
 from firmware.facilities.encoding import Encoder, FaultsError
 from firmware.facilities.exchange import Ask, Received, packed, parts_of
 
 NICE = 5  # the station's routing runs first
-AT_ONCE = 16  # received messages between two looks at the station's channel
+AT_ONCE = 16  # messages of one socket that are handled before those of the other one
 QUEUE = 256  # received messages that wait in libzmq
 
 
@@ -22,11 +23,11 @@ def serve(channel: socket.socket) -> None:
     """Answer the station's requests and convert received messages, until the station closes the channel."""
     os.nice(NICE)
     with zmq.Context() as context:
-        Process(channel, context).run()
+        Service(channel, context).run()
 
 
-class Process:
-    """Facilities process.
+class Service:
+    """Loop of the facilities process.
 
     channel  socket to the station.
     """
@@ -58,12 +59,12 @@ class Process:
                     poller.poll()
 
     def _answer(self) -> bool:
-        """Handle the messages of the station. Return False when it has closed the channel."""
-        while True:
+        """Handle some messages of the station. Return False when it has closed the channel."""
+        for _ in range(AT_ONCE):
             try:
                 message = self._channel.recv(MAX_MESSAGE, socket.MSG_DONTWAIT)
             except BlockingIOError:
-                return True
+                break
             if not message:
                 return False
             kind, *parts = parts_of(message)
@@ -71,6 +72,7 @@ class Process:
                 self._channel.send(self._encoded(Ask(*cast("tuple[Any, ...]", parts[0]))))
             else:
                 self._want(*cast("tuple[str, tuple[bytes, ...]]", parts))
+        return True
 
     def _want(self, address: str, topics: tuple[bytes, ...]) -> None:
         if address != self._address:
@@ -80,11 +82,11 @@ class Process:
 
     def _encoded(self, ask: Ask) -> bytes:
         if self._codec is None:
-            return packed("refused", ask.number, self._why, ())
+            return packed("refused", ask.number, Reason.NO_LIBRARY.value, self._why, ())
         try:
-            return packed("pdu", ask.number, self._codec[0].encode(ask))
+            return packed("pdu", ask.number, *self._codec[0].encode(ask))
         except FaultsError as error:
-            return packed("refused", ask.number, error.message, error.faults)
+            return packed("refused", ask.number, Reason.BAD_JSON.value, error.message, error.faults)
 
     def _convert(self) -> bool:
         """Convert received messages and publish their JSON. Return True if there may be more."""
@@ -97,7 +99,9 @@ class Process:
             one = Received(*cast("tuple[Any, ...]", parts_of(message)))
             self._lost += one.number - self._done - 1
             self._done = one.number
-            if self._codec is not None:
+            if self._codec is None:
+                self._lost += 1
+            else:
                 for topic, body in self._codec[1].convert(one, self._wanted):
                     self._channel.send(packed("json", topic, body))
         if self._done != before:

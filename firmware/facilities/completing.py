@@ -4,15 +4,17 @@ A missing component is filled in if the station knows its value (header, own tim
 value `unavailable`. Any other missing component is a fault: the station invents no value.
 """
 
-from collections.abc import Iterator
+import re
 
 from board.runtime.describe import remedy
 from drivers.message import Fault
 from drivers.wire.type_tree import Field, Type
 from firmware.codec.library import Message
 from firmware.facilities.exchange import Ask
-from firmware.topics import PLAIN
+from firmware.facilities.paths import joined
+from firmware.topics import PLAIN, ROWS
 
+ITS_PDU_HEADER = 3  # components: protocolVersion, messageID, stationID
 UNAVAILABLE = "unavailable"
 # Units in which the station knows a value, as seconds and degrees.
 _PLAIN = {"ms": 1e3, "1e-7 degree": 1e7}
@@ -20,6 +22,9 @@ _PLAIN = {"ms": 1e3, "1e-7 degree": 1e7}
 _STATION_ID = frozenset({"StationID", "StationId"})
 _TIMES = frozenset({"TimestampIts"})
 _DELTA = "GenerationDeltaTime"  # ITS time modulo 65,536 ms
+_OWN_POSITION = "referencePosition"  # component; other positions are those of events and of other objects
+# Members for what a newer edition knows: octets of an extension addition, length of its bitmap.
+_EXTENSION = re.compile(r"\[\d*\]")
 
 
 class Completion:
@@ -36,25 +41,33 @@ class Completion:
     def complete(self, value: dict[str, object]) -> dict[str, object]:
         """Return the message with its missing components, and without the unknown ones."""
         tree = self._message.type_tree()
-        if self._message.ids and tree.fields[0].type.fields:
-            name, header = tree.fields[0].name, tree.fields[0].type
-            known = (max(self._message.versions), self._message.ids[0], self._ask.station_id)
-            given = value.get(name, {})
-            if isinstance(given, dict):
-                facts = {field.name: number for field, number in zip(header.fields, known, strict=True)}
-                value = value | {name: facts | given}
+        name, header = tree.fields[0].name, tree.fields[0].type.fields
+        given = value.get(name, {})
+        if self._message.ids and len(header) == ITS_PDU_HEADER and isinstance(given, dict):
+            known = (max(self._message.versions), self._message_id(), self._ask.station_id)
+            value = value | {name: {field.name: number for field, number in zip(header, known, strict=True)} | given}
         completed = self._value(tree, value, "")
         assert isinstance(completed, dict)
         return completed
 
+    def _message_id(self) -> int:
+        """Return the messageID of the envelope's type. Without one, the standard's: a message may have several."""
+        ids = self._message.ids
+        if self._ask.message_id in ids:
+            return self._ask.message_id
+        return next((row.number for row in ROWS if row.name == self._message.type and row.number in ids), ids[0])
+
     def _value(self, kind: Type, value: object, path: str) -> object:
         if kind.kind == "SEQUENCE" and isinstance(value, dict):
             return self._sequence(kind, value, path)
-        if kind.kind == "CHOICE" and isinstance(value, dict) and len(value) == 1:
+        if kind.kind == "CHOICE" and isinstance(value, dict):
             known = {field.name: field.type for field in kind.fields}
-            ((name, one),) = value.items()
-            if name in known:
-                return {name: self._value(known[name], one, _joined(path, name))}
+            if len(value) != 1:
+                self.faults.append((path, f"{len(value)} alternatives, expected one of {', '.join(known)}", None))
+            return {
+                name: self._value(known[name], one, joined(path, name)) if name in known else one
+                for name, one in list(value.items())[:1]
+            }
         if kind.kind == "SEQUENCE OF" and isinstance(value, list) and kind.element is not None:
             return [self._value(kind.element, one, f"{path}[{index}]") for index, one in enumerate(value)]
         return value
@@ -64,14 +77,18 @@ class Completion:
         completed = {}
         for name, one in value.items():
             if name in known:
-                completed[name] = self._value(known[name].type, one, _joined(path, name))
-            elif name.startswith("["):  # an unknown extension: octets that a newer edition knows
+                completed[name] = self._value(known[name].type, one, joined(path, name))
+            elif _EXTENSION.fullmatch(name):
                 completed[name] = one
             else:
-                self.faults.append((_joined(path, name), f"unknown component; {remedy(name, known)}", one))
+                self.faults.append((joined(path, name), f"unknown component; {remedy(name, known)}", one))
         for name, field in known.items():
-            if name not in value and _is_needed(field):
-                completed[name] = self._missing(field.type, _joined(path, name))
+            if name in value or not _is_needed(field):
+                continue
+            if name in ("latitude", "longitude"):  # a message without the place that it is about is of no use
+                completed[name] = self._fault(field.type, joined(path, name), _expected(field.type, self._ask.form))
+            else:
+                completed[name] = self._missing(field.type, joined(path, name))
         return completed
 
     def _missing(self, kind: Type, path: str) -> object:
@@ -83,7 +100,7 @@ class Completion:
             if not ask.its_ms:
                 return self._fault(kind, path, "the station does not know the time")
             return self._number(kind, ask.its_ms % 65_536 if kind.name == _DELTA else ask.its_ms)
-        if kind.kind == "SEQUENCE" and {"latitude", "longitude"} <= {field.name for field in kind.fields}:
+        if path.endswith(_OWN_POSITION) and kind.kind == "SEQUENCE":
             if ask.latitude is None or ask.longitude is None:
                 return self._fault(kind, path, "the station does not know its position")
             types = {field.name: field.type for field in kind.fields}
@@ -103,39 +120,6 @@ class Completion:
         return number / _PLAIN.get(kind.unit or "", 1.0) if self._ask.form == PLAIN else number
 
 
-def type_at(kind: Type, path: str) -> Type | None:
-    """Return the type at a path of an error, such as "cam.camParameters.x[0].y"; None if the path leaves the tree."""
-    for name in _steps(path):
-        if name.isdecimal():
-            found = kind.element
-        else:
-            found = next((field.type for field in kind.fields if field.name == name), None)
-        if found is None:
-            return None
-        kind = found
-    return kind
-
-
-def replace_at(value: object, path: str, new: object) -> bool:
-    """Replace the value at a path. Return False if the path leads nowhere."""
-    *steps, last = _steps(path)
-    for name in steps:
-        value = _inside(value, name)
-    if isinstance(value, dict) and last in value:
-        value[last] = new
-        return True
-    if isinstance(value, list) and last.isdecimal() and int(last) < len(value):
-        value[int(last)] = new
-        return True
-    return False
-
-
-def value_at(value: object, path: str) -> object:
-    for name in _steps(path):
-        value = _inside(value, name)
-    return value
-
-
 def stand_in(kind: Type, form: str) -> object:
     """Return a legal value of a simple type; None for any other type."""
     names = dict(kind.names)
@@ -143,10 +127,18 @@ def stand_in(kind: Type, form: str) -> object:
         return next(iter(names))
     if kind.kind != "INTEGER":
         return False if kind.kind == "BOOLEAN" else None
-    if form == PLAIN:
-        low, high, _ = kind.plain_range(kind.unit)
-        return kind.special[0] if kind.special else float(low or high or 0)
-    return next(number for number in (kind.low, kind.high, 0) if number is not None)
+    if form == PLAIN and kind.special:
+        return kind.special[0]
+    low, high, _ = _range(kind, form)
+    return next(float(end) if form == PLAIN else int(end) for end in (low, high, "0") if end is not None)
+
+
+def _range(kind: Type, form: str) -> tuple[str | None, str | None, str]:
+    """Return the lowest and highest number of an INTEGER, and their unit."""
+    if form == PLAIN and kind.unit:
+        return kind.plain_range(kind.unit)
+    low, high = (None if end is None else str(end) for end in (kind.low, kind.high))
+    return low, high, kind.unit or ""
 
 
 def _is_needed(field: Field) -> bool:
@@ -156,24 +148,8 @@ def _is_needed(field: Field) -> bool:
 def _expected(kind: Type, form: str) -> str:
     names = [field.name for field in kind.fields] or [name for name, _ in kind.names]
     if kind.kind == "INTEGER":
-        low, high, unit = kind.plain_range(kind.unit) if form == PLAIN else (kind.low, kind.high, kind.unit)
-        return f"{low} to {high} {unit or ''}".rstrip()
+        low, high, unit = _range(kind, form)
+        return f"{low} to {high} {unit}".rstrip()
     if names:
         return f"one of {', '.join(names[:10])}{', ...' if len(names) > 10 else ''}"
     return f"a {kind.kind}"
-
-
-def _joined(path: str, name: str) -> str:
-    return f"{path}.{name}" if path else name
-
-
-def _steps(path: str) -> Iterator[str]:
-    return iter(path.replace("[", ".").replace("]", "").split("."))
-
-
-def _inside(value: object, name: str) -> object:
-    if isinstance(value, dict):
-        return value.get(name)
-    if isinstance(value, list) and name.isdecimal() and int(name) < len(value):
-        return value[int(name)]
-    return None

@@ -1,33 +1,48 @@
 """Encoding of a user's JSON: chooses the edition, completes the message, and lists all its faults."""
 
 import json
+import re
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from board.runtime.describe import remedy
 from board.runtime.errors import RequestError
 from drivers.message import Fault
 from drivers.wire.editions import of_header
+from firmware.codec.encoding import announced
 from firmware.codec.library import Library, Message
 from firmware.facilities import strict_json
-from firmware.facilities.completing import Completion, replace_at, stand_in, type_at, value_at
+from firmware.facilities.completing import Completion, stand_in
 from firmware.facilities.exchange import Ask
+from firmware.facilities.paths import remove_at, replace_at, type_at, value_at
 from firmware.topics import JSON_FORMS, PLAIN
 
 TOLD = 3  # number of faults in the text of an error
 MOST_FAULTS = 50  # largest number of faults that are listed
-# Members of an object that a station publishes.
-MEMBERS = frozenset({"edition", "form", "message", "reception", "type", "warning", "others"})
+LONGEST = 200  # characters of a path, a problem or a value: all faults then fit into one message to the station
+# Members beside the message, of an object that the station publishes or `captain decode --json` prints.
+MEMBERS = frozenset({
+    "edition", "form", "message", "reception", "type", "warning", "others",
+    "why", "candidates", "origin", "octets", "btp_port", "received", "carried", "is_exact", "hex",
+})  # fmt: skip
+
+
+class Encoded(NamedTuple):
+    """Octets of a message, and its type as in envelopes."""
+
+    octets: bytes
+    type: str
 
 
 class FaultsError(RequestError):
     """A message that cannot be encoded, with all faults that were found."""
 
     def __init__(self, what: str, faults: Sequence[Fault]) -> None:
-        told = [f"{path or 'the message'}: {problem}" for path, problem, _ in faults[:TOLD]]
+        self.faults = tuple(map(_short, faults[:MOST_FAULTS]))
+        told = [f"{path or 'the message'}: {problem}" for path, problem, _ in self.faults[:TOLD]]
         if len(faults) > TOLD:
             told.append(f"and {len(faults) - TOLD} more faults")
         super().__init__(f"{what}: {'; '.join(told)}")
-        self.faults = tuple(faults[:MOST_FAULTS])
 
 
 class Encoder:
@@ -39,57 +54,66 @@ class Encoder:
     def __init__(self, library: Library) -> None:
         self._messages = sorted(library.all(), key=lambda message: (message.type, message.rank))
 
-    def encode(self, ask: Ask) -> bytes:
-        """Return the octets of a request. Raises FaultsError with all its faults."""
+    def encode(self, ask: Ask) -> Encoded:
+        """Encode a request. Raises FaultsError with all its faults."""
         try:
             found = strict_json.parse(ask.body)
         except ValueError as error:
-            raise FaultsError("JSON", [("", str(error), None)]) from error
+            raise _fault("", str(error)) from error
         if faults := list(strict_json.faults(found)):
             raise FaultsError("JSON", faults)
         if not isinstance(found, dict):
-            raise FaultsError("JSON", [("", "not an object", None)])
-        value = found
-        if "message" in found:
-            if strange := [key for key in found if key not in MEMBERS]:
-                raise FaultsError("JSON", [(key, "unknown member", None) for key in strange])
-            value = found["message"]
-            if not isinstance(value, dict):
-                raise FaultsError("JSON", [("message", "not an object", value)])
-            form = found.get("form", ask.form)
-            if form not in JSON_FORMS:
-                raise FaultsError("JSON", [("form", f"unknown form; {' or '.join(JSON_FORMS)}", form)])
-            ask = ask._replace(form=form)
-        message = self._message(ask, found.get("edition") if "message" in found else None, value)
-        return _encode(message, ask, value)
+            raise _fault("", "not an object")
+        if "message" not in found:
+            message = self._message(ask, None, found)
+            return Encoded(_encode(message, ask, found), _type_name(message))
+        if strange := [key for key in found if key not in MEMBERS]:
+            raise FaultsError("JSON", [(key, "unknown member", None) for key in strange])
+        value, form = found["message"], found.get("form", ask.form)
+        if not isinstance(value, dict):
+            raise _fault("message", "not an object", value)
+        if form not in JSON_FORMS:
+            raise _fault("form", f"unknown form; {' or '.join(JSON_FORMS)}", form)
+        message = self._message(ask, found.get("edition"), value)
+        return Encoded(_encode(message, ask._replace(form=form), value), _type_name(message))
 
     def _message(self, ask: Ask, edition: object, value: dict[str, object]) -> Message:
         """Return the edition that the user names, or that the header announces, or the preferred one of the type."""
-        if edition is not None:
-            fits = [one for one in self._messages if edition in (one.name, one.type)]
-            if not fits:
-                names = [one.name for one in self._messages]
-                raise FaultsError("JSON", [("edition", f"unknown edition; {remedy(str(edition), names)}", edition)])
-        else:
+        if edition is None:
             fits = [one for one in self._messages if not one.form_of]
+        elif not (fits := [one for one in self._messages if edition in (one.name, one.type)]):
+            names = [one.name for one in self._messages]
+            raise _fault("edition", f"unknown edition; {remedy(str(edition)[:LONGEST], names)}", edition)
         if ask.type:
-            of_type = [one for one in fits if one.type == ask.type]
+            of_type = [one for one in fits if _type_name(one) == ask.type]
             if not of_type:
-                problem = f"the envelope is v2x.{ask.type}." if edition else f"no message of type {ask.type} is known"
-                raise FaultsError("JSON", [("edition", problem, edition)])
+                is_named = edition is not None
+                known = f"the envelope is v2x.{ask.type}." if is_named else f"no message of type {ask.type} is known"
+                raise _fault("edition", known, edition)
             fits = of_type
-        announced = of_header(fits, _header(value))
-        if not announced and edition is None and not ask.type:
-            raise FaultsError("JSON", [("edition", "missing: edition, header, or type in the envelope", None)])
-        return (announced or fits)[0]
+        of_this = announced(fits, value)
+        if not of_this and edition is None and not ask.type:
+            raise _fault("edition", "missing: edition, header, or type in the envelope")
+        return (of_this or fits)[0]
 
 
-def _header(value: dict[str, object]) -> bytes:
-    header = value.get("header")
-    if not isinstance(header, dict):
-        return b""
-    octets = [header.get(name) for name in ("protocolVersion", "messageID" if "messageID" in header else "messageId")]
-    return bytes(one for one in octets if isinstance(one, int) and 0 <= one <= 255)
+def _fault(path: str, problem: str, value: object = None) -> FaultsError:
+    return FaultsError("JSON", [(path, problem, value)])
+
+
+def _short(fault: Fault) -> Fault:
+    """Return a fault without long texts, and without a value that contains others."""
+    path, problem, value = fault
+    if isinstance(value, str):
+        value = value[:LONGEST]
+    elif isinstance(value, dict | list) or (isinstance(value, int) and abs(value) >= 2**64):
+        value = f"({type(value).__name__})"
+    return path[:LONGEST], problem[:LONGEST], value
+
+
+def _type_name(message: Message) -> str:
+    """Return the type in envelopes, where `.` and `-` are not allowed."""
+    return re.sub(r"[.-]", "_", message.type)
 
 
 def _encode(message: Message, ask: Ask, value: dict[str, object]) -> bytes:
@@ -98,23 +122,30 @@ def _encode(message: Message, ask: Ask, value: dict[str, object]) -> bytes:
     faults = completion.faults
     made = _octets(message, ask.form, completed)
     while isinstance(made, ValueError) and len(faults) < MOST_FAULTS:
-        # The library reports the first invalid value. With a legal one in its place, it reports the next.
+        # The library reports the first invalid value, and the next one when the first is replaced or removed.
         path, reason = getattr(made, "path", ""), getattr(made, "reason", str(made))
         if path not in {known for known, _, _ in faults}:
             faults.append((path, reason, value_at(completed, path)))
-        kind = type_at(message.type_tree(), path)
+        kind, invalid = type_at(message.type_tree(), path), value_at(completed, path)
         legal = None if kind is None else stand_in(kind, ask.form)
-        if legal is None or value_at(completed, path) == legal or not replace_at(completed, path, legal):
-            break
+        is_same = type(invalid) is type(legal) and invalid == legal
+        is_changed = remove_at(completed, path) if legal is None else replace_at(completed, path, legal)
         made = _octets(message, ask.form, completed)
+        if is_same or not is_changed or getattr(made, "path", "") == path:
+            break
     if faults or isinstance(made, ValueError):
         raise FaultsError(message.name, faults)
+    if message.ids and not of_header([message], made):
+        problem = f"messageID {made[1]} and protocolVersion {made[0]} are not those of {message.name}"
+        raise FaultsError(message.name, [("header", problem, None)])
     return made
 
 
 def _octets(message: Message, form: str, value: object) -> bytes | ValueError:
-    text = json.dumps(value)
     try:
+        text = json.dumps(value)
         return message.from_json(text, plain=True) if form == PLAIN else message.from_json(text)
+    except (RecursionError, MemoryError):
+        return ValueError("nested too deeply, or larger than a message")
     except ValueError as error:
         return error

@@ -11,8 +11,8 @@ On that address: Received.
 
 From the process, on the channel of its worker:
 
-# ("pdu", number, octets)                  a request was encoded
-# ("refused", number, detail, faults)      a request cannot be encoded
+# ("pdu", number, octets, type)            a request was encoded; type: of the message, as in envelopes
+# ("refused", number, reason, detail, faults)  a request cannot be encoded
 # ("json", topic, body)                    a message for users
 # ("done", done, lost)                     numbers of received messages: handled in all, and lost of these
 """
@@ -28,6 +28,7 @@ class Ask(NamedTuple):
 
     number      running number, returned with the answer.
     type        type of the envelope; empty for `v2x.`.
+    message_id  messageID of this type; -1 for `v2x.`.
     form        one of JSON_FORMS.
     body        JSON object.
     station_id  own stationID.
@@ -38,6 +39,7 @@ class Ask(NamedTuple):
 
     number: int
     type: str
+    message_id: int
     form: str
     body: bytes
     station_id: int

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 
 from drivers.message import Fault
 
+DEPTH = 64  # the deepest message of the standards has about 20 levels
+
 
 class Invalid:
     """Placeholder for a value that JSON or I-JSON does not allow."""
@@ -22,19 +24,21 @@ def parse(text: bytes) -> object:
         raise ValueError("nested too deeply") from error
 
 
-def faults(value: object, path: str = "") -> Iterator[Fault]:
-    """Yield the faults of parsed JSON, with the path of each."""
-    if isinstance(value, Invalid):
+def faults(value: object, path: str = "", depth: int = 0) -> Iterator[Fault]:
+    """Yield the faults of parsed JSON, with the path of each. depth: number of values around this one."""
+    if depth > DEPTH:
+        yield path, f"nested in more than {DEPTH} values", None
+    elif isinstance(value, Invalid):
         yield path, value.problem, None
     elif isinstance(value, str):
         if not value.isascii() and any("\ud800" <= letter <= "\udfff" for letter in value):
             yield path, "half of a surrogate pair is not a character", None
     elif isinstance(value, list):
         for index, one in enumerate(value):
-            yield from faults(one, f"{path}[{index}]")
+            yield from faults(one, f"{path}[{index}]", depth + 1)
     elif isinstance(value, dict):
         for key, one in value.items():
-            yield from faults(one, f"{path}.{key}" if path else key)
+            yield from faults(one, f"{path}.{key}" if path else key, depth + 1)
 
 
 def _constant(text: str) -> Invalid:

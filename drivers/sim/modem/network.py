@@ -76,7 +76,7 @@ class SimulatedNetwork:
         self._after(SEARCH_S)
 
     def leave(self, camped: Access = Access.NONE) -> None:
-        """Give up the registration: the radio is off, or the cell is gone."""
+        """Give up the registration, and end a running search. camped: the new state, NONE or SEARCHING."""
         self.attached = self.is_context_up = False
         if self._timer is not None:
             self._timer.cancel()

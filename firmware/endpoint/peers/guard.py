@@ -205,7 +205,7 @@ class _UnfinishedWatch:
         if self._balance > EXCUSED:
             for one, octets in self._excused.items():
                 if octets > UNFINISHED:
-                    self._door.cut(one, Reason.UNFINISHED, detail=f"{octets:.0f} octets and few messages, by ZMTP 2.0")
+                    self._door.cut(one, Reason.UNFINISHED, detail=f"{octets:.0f} octets by ZMTP 2.0, too few messages")
             self._balance = 0.0
             self._excused.clear()
 

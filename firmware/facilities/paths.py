@@ -1,0 +1,65 @@
+"""Paths of components in JSON, such as "cam.camParameters.x[0].y", as the message library writes them."""
+
+from collections.abc import Iterator
+
+from drivers.wire.type_tree import Type
+
+
+def joined(path: str, name: str) -> str:
+    return f"{path}.{name}" if path else name
+
+
+def type_at(kind: Type, path: str) -> Type | None:
+    """Return the type at a path of an error, such as "cam.camParameters.x[0].y"; None if the path leaves the tree."""
+    for name in _steps(path):
+        if name.isdecimal():
+            found = kind.element
+        else:
+            found = next((field.type for field in kind.fields if field.name == name), None)
+        if found is None:
+            return None
+        kind = found
+    return kind
+
+
+def replace_at(value: object, path: str, new: object) -> bool:
+    """Replace the value at a path. Return False if the path leads nowhere."""
+    *steps, last = _steps(path)
+    for name in steps:
+        value = _inside(value, name)
+    if isinstance(value, dict) and last in value:
+        value[last] = new
+        return True
+    if isinstance(value, list) and last.isdecimal() and int(last) < len(value):
+        value[int(last)] = new
+        return True
+    return False
+
+
+def value_at(value: object, path: str) -> object:
+    for name in _steps(path):
+        value = _inside(value, name)
+    return value
+
+
+def remove_at(value: object, path: str) -> bool:
+    """Remove the component at a path. Return False if the path leads nowhere."""
+    *steps, last = _steps(path)
+    for name in steps:
+        value = _inside(value, name)
+    if isinstance(value, dict) and last in value:
+        del value[last]
+        return True
+    return False
+
+
+def _steps(path: str) -> Iterator[str]:
+    return iter(path.replace("[", ".").replace("]", "").split("."))
+
+
+def _inside(value: object, name: str) -> object:
+    if isinstance(value, dict):
+        return value.get(name)
+    if isinstance(value, list) and name.isdecimal() and int(name) < len(value):
+        return value[int(name)]
+    return None

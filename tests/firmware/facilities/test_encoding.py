@@ -1,0 +1,138 @@
+"""Encoding of users' JSON: completion, faults, and input that is hostile."""
+
+import json
+from typing import Any
+
+import captain_messages as messages
+import pytest
+
+from board.runtime.child import MAX_MESSAGE
+from firmware.codec.library import load
+from firmware.facilities.encoding import Encoder, FaultsError
+from firmware.facilities.exchange import Ask, packed
+from firmware.topics import JSON_FORMS
+
+ENCODER = Encoder(load())
+WITH_HEADER = [message for message in messages.all() if message.ids]
+CONTAINER = "cam.camParameters.highFrequencyContainer.basicVehicleContainerHighFrequency"
+
+
+def ask(value: object, form: str = "json", type_: str = "", message_id: int = -1) -> Ask:
+    body = value if isinstance(value, bytes) else json.dumps(value).encode()
+    return Ask(1, type_, message_id, form, body, 4711, 500_000_000_000, 487668000, 114321000)
+
+
+def faults(value: object, form: str = "json", type_: str = "") -> dict[str, str]:
+    """Return the problems of a message by path. Check that the answer of the process is bounded."""
+    with pytest.raises(FaultsError) as caught:
+        ENCODER.encode(ask(value, form, type_))
+    assert len(packed("refused", 1, "bad-json", caught.value.message, caught.value.faults)) < MAX_MESSAGE
+    return {path: problem for path, problem, _ in caught.value.faults}
+
+
+def cam(**components: object) -> dict[str, Any]:
+    container = {"basicVehicleContainerHighFrequency": {"driveDirection": "forward", **components}}
+    parameters = {"basicContainer": {"stationType": 5}, "highFrequencyContainer": container}
+    return {"edition": "cam-1.4.1", "message": {"cam": {"camParameters": parameters}}}
+
+
+@pytest.mark.parametrize("form", JSON_FORMS)
+@pytest.mark.parametrize("name", [message.name for message in WITH_HEADER])
+def test_example_of_an_edition_without_its_header_is_encoded_with_that_of_the_station(name: str, form: str) -> None:
+    message = messages.find(name)
+    value = json.loads(message.to_json(message.encode(message.example()), plain=form == "plain"))
+    del value["header"]
+    octets, type_ = ENCODER.encode(ask({"edition": name, "message": value}, form))
+    assert (octets[0] in message.versions, octets[1] in message.ids) == (True, True)
+    assert int.from_bytes(octets[2:6], "big") == 4711
+    assert type_ == message.type
+
+
+@pytest.mark.parametrize("form", JSON_FORMS)
+@pytest.mark.parametrize("name", [message.name for message in messages.all()])
+def test_empty_message_of_an_edition_is_refused_or_encoded(name: str, form: str) -> None:
+    try:
+        ENCODER.encode(ask({"edition": name, "message": {}}, form))
+    except FaultsError as error:
+        assert all(problem.startswith("missing: ") or not path for path, problem, _ in error.faults), error.faults
+
+
+@pytest.mark.parametrize("form", JSON_FORMS)
+@pytest.mark.parametrize(
+    "value",
+    [
+        None, [], "cam", 7, True, {}, {"message": None}, {"message": []}, {"message": {}}, {"edition": 7, "message": {}},
+        {"edition": ["cam"], "message": {}}, {"edition": "cam-1.4.1", "form": [], "message": {}}, {"header": []},
+        {"edition": "cam-1.4.1", "message": {"header": [], "cam": 1}}, {"edition": "cam-1.4.1", "message": {"header": {"messageID": -1}}},
+        {"edition": "cam-1.4.1", "message": {"header": {"protocolVersion": 300}}},
+        {"edition": "cam-1.4.1", "message": {"x": [0] * 20_000}}, {"edition": "cam-1.4.1", "message": {"x" * 50_000: 0}},
+        {"edition": "cam-1.4.1", "message": {"cam": {f"x{number}": number for number in range(3_000)}}},
+        {"edition": "cam-1.4.1", "message": {"a[0]": 1, "[x": 2, "[3]": 3, "a.b": 4, "": 5}},
+        {"edition": "cam-1.4.1", "message": {"cam": {"camParameters": {"highFrequencyContainer": {"a": 1, "b": 2}}}}},
+        {"edition": "rawtx-1", "message": {}},
+    ],
+    ids=lambda value: repr(value)[:60],
+)  # fmt: skip
+def test_hostile_json_is_refused_with_faults(value: object, form: str) -> None:
+    assert faults(value, form)
+
+
+@pytest.mark.parametrize("depth", [100, 500, 900, 978, 979, 980, 981, 5_000])
+def test_deep_json_is_refused_at_any_depth(depth: int) -> None:
+    body = b'{"edition":"cam-1.4.1","message":{"x":' + b"[" * depth + b"]" * depth + b"}}"
+    assert faults(body)
+
+
+def test_faults_behind_one_of_a_list_of_bits_are_listed_as_well() -> None:
+    value = cam(accelerationControl=7, speed="x", vehicleWidth=True, vehicleLength={"vehicleLengthValue": 0})
+    assert set(faults(value)) == {
+        f"{CONTAINER}.accelerationControl",
+        f"{CONTAINER}.speed",
+        f"{CONTAINER}.vehicleWidth",
+        f"{CONTAINER}.vehicleLength.vehicleLengthValue",
+    }
+
+
+def test_header_of_another_message_is_refused() -> None:
+    value = cam()
+    value["message"]["header"] = {"protocolVersion": 2, "messageID": 1, "stationID": 7}
+    assert set(faults(value)) == {"header"}
+
+
+def test_message_of_several_ids_gets_the_one_of_its_envelope() -> None:
+    message = messages.find("vam-1")
+    value = json.loads(message.to_json(message.encode(message.example())))
+    del value["header"]
+    one = {"edition": "vam-1", "message": value}
+    assert ENCODER.encode(ask(one)).octets[1] == 16
+    assert ENCODER.encode(ask(one, "json", "vam", 102)).octets[1] == 102
+
+
+def test_position_of_an_event_is_not_that_of_the_station() -> None:
+    management = {"actionID": {"sequenceNumber": 1}, "stationType": 5}
+    value = {"edition": "denm-1.3.1", "message": {"denm": {"management": management}}}
+    position = "denm.management.eventPosition"
+    assert set(faults(value)) == {f"{position}.latitude", f"{position}.longitude"}
+
+
+def test_position_with_a_latitude_alone_is_refused() -> None:
+    value = cam()
+    value["message"]["cam"]["camParameters"]["basicContainer"]["referencePosition"] = {"latitude": 487668000}
+    assert set(faults(value)) == {"cam.camParameters.basicContainer.referencePosition.longitude"}
+
+
+def test_object_of_captain_decode_is_encoded_to_the_same_octets() -> None:
+    octets = bytes.fromhex(
+        "02029b260aa393e6005a6f0da4ae7bfb35a238230a6a3d4290581a90a3f67e02e6928b37fee9fea6103fdf93d980"
+    )
+    message = json.loads(messages.find("cam-1.4.1").to_json(octets))
+    told = {
+        "edition": "cam-1.4.1",
+        "type": "cam",
+        "why": "w",
+        "candidates": [],
+        "origin": "x",
+        "octets": 46,
+        "message": message,
+    }
+    assert ENCODER.encode(ask(told)) == (octets, "cam")
