@@ -81,7 +81,7 @@ MISTAKES = {
     'interfaces.v2n.url="http://x"': 'interfaces.v2n: url: neither mqtts:// nor mqtt://: "http://x"',
     'interfaces.v2n.bearer="none"': "interfaces.v2n.bearer: unknown interface 'none'",
     'interfaces.line.baud="x"': 'interfaces.line: baud: "x" is text',
-    'interfaces.second.device="/dev/ttyS8"': 'interfaces.second.device: "/dev/ttyS8" is that of line already',
+    'interfaces.second.device="/dev/ttyS8"': 'interfaces.second.device: "/dev/ttyS8" is already used by line',
     "interfaces.odd=3": "interfaces.odd: 3 is an integer",
 }
 # What one override takes away from another: it has two mistakes, which are told together.

@@ -82,10 +82,11 @@ def test_a_frame_of_each_valid_line_leaves_where_it_is_replayed_as_frames():
         assert all(isinstance(frame.unwrap(ear.recv(2048)), frame.Ethernet) for _ in VALID)
 
 
-@pytest.mark.parametrize("verb", ["decode", "send"])
-def test_a_decoded_message_in_place_of_octets_is_refused_with_the_command_that_encodes_it(
-    verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
-    (tmp_path / "one.json").write_text('{"edition": "cam-1.4.1", "message": {}}')
-    assert cli.main([verb, str(tmp_path / "one.json")]) == 1
-    assert "captain encode" in capsys.readouterr().err
+def test_decoded_message_in_place_of_octets_is_encoded_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    octets = "02029b260aa393e6005a6f0da4ae7bfb35a238230a6a3d4290581a90a3f67e02e6928b37fee9fea6103fdf93d980"
+    assert cli.main(["decode", "--json", octets]) == 0
+    (tmp_path / "one.json").write_text(capsys.readouterr().out)
+    assert cli.main(["convert", "--to", "hex", str(tmp_path / "one.json")]) == 0
+    assert capsys.readouterr().out == f"{octets}\n"
+    assert cli.main(["decode", str(tmp_path / "one.json")]) == 0
+    assert capsys.readouterr().out.startswith("cam-1.4.1: ")

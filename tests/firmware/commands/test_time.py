@@ -160,7 +160,7 @@ def test_a_plot_is_one_svg_that_asks_nobody_for_anything(tmp_path: Path, capsys:
     assert ElementTree.fromstring(drawn).tag == "{http://www.w3.org/2000/svg}svg"
     assert set(re.findall(r"https?:[^\s\"'<>]*", drawn)) == {"http://www.w3.org/2000/svg"}
     assert not re.search(r"<script|@import|url\(|href|<!--", drawn)
-    for words in ("Allan deviation", "jitter of pulses", "time holdover"):
+    for words in ("Allan deviation", "jitter: standard deviation", "time holdover"):
         assert words in drawn
 
 

@@ -67,7 +67,7 @@ def test_files_that_are_missing_or_that_others_may_read_are_problems_each_with_i
     key.chmod(0o644)
     missing = tmp_path / "no.pem"
     assert said(v2n(**own | {"key": str(key), "ca": str(missing)})) == [
-        (Level.PROBLEM, f"ca {missing}: No such file or directory", "correct option ca, or put the file there"),
+        (Level.PROBLEM, f"ca {missing}: No such file or directory", "correct option ca, or put the file at this path"),
         (Level.PROBLEM, f"key {key}: others may read it (mode 0644)", f"chmod 600 {key}"),
     ]
 

@@ -151,7 +151,7 @@ def test_a_file_that_only_the_services_user_may_read_is_not_complained_about(
     monkeypatch.setattr(doctor.mqtt.os, "access", lambda path, way, **more: path != "ca.pem")
     told = [Finding(**{**one, "level": Level(one["level"])}) for one in json_of(capsys)]
     of_cloud = [one for one in told if one.subject == "interface cloud" and "ca.pem" in one.text]
-    assert [(one.level, "is the service's alone" in one.text) for one in of_cloud] == [(Level.OK, True)]
+    assert [(one.level, "only the service may read" in one.text) for one in of_cloud] == [(Level.OK, True)]
 
 
 def test_the_selftest_of_a_service_is_of_its_board(

@@ -41,7 +41,7 @@ class Small:
 
 
 def test_a_library_without_the_message_of_a_reception_is_refused_with_what_to_do():
-    with pytest.raises(GatewayError, match="has no rawrx-1"):
+    with pytest.raises(GatewayError, match="lacks the message rawrx-1"):
         RawReader(Small)
 
 

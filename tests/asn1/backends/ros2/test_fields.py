@@ -97,7 +97,7 @@ def test_a_component_that_would_hold_its_message_stands_by_its_own_components():
 
 
 def test_a_message_that_holds_itself_is_told():
-    with pytest.raises(RosError, match="Top holds itself"):
+    with pytest.raises(RosError, match="Top contains itself"):
         made("Top ::= SEQUENCE { more Top OPTIONAL }")
 
 
