@@ -41,7 +41,7 @@ from board.runtime.loop import Loop, Timer
 
 FIRST_DELAY_S = 0.2  # delay of the first restart; doubled with each further one
 LONGEST_DELAY_S = 30.0
-STEADY_S = 10.0  # after a child was up for so long, the next failure starts with FIRST_DELAY_S again
+STEADY_S = 10.0
 
 
 def jitter() -> float:
@@ -58,6 +58,7 @@ class Worker:
                  restart in words.
     on_writable  called when send() takes messages again after the queue was full.
     command      command line that leads to child(); empty: this program.
+    steady_s     a child that was up for this time starts again with FIRST_DELAY_S after its next failure.
     silence_s    a child that sends nothing for this time is killed and restarted. Use it for children that send
                  at least twice in that time; 0 for others.
     """
@@ -78,6 +79,7 @@ class Worker:
         self.message = on_message
         self.writable = on_writable
         self.restarts = 0
+        self.steady_s = STEADY_S
         self.refused = 0  # number of messages that send() did not take
         self._on_state = on_state
         self._command = command
@@ -155,7 +157,7 @@ class Worker:
         if child in self._leaving:
             self._leaving.remove(child)
             return
-        if self._up_since is not None and self.loop.clock() - self._up_since >= STEADY_S:
+        if self._up_since is not None and self.loop.clock() - self._up_since >= self.steady_s:
             self._failures = 0
         self._forget(child)
         self._again(why)

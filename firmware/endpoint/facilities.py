@@ -21,6 +21,7 @@ from firmware.routing.router import Routing
 
 WORKER = "facilities"
 PLACE = "json"
+STEADY_S = 1.0  # users wait for it: a process that has worked for a second starts again at once
 
 log = logging.getLogger("captain.facilities")
 
@@ -50,6 +51,7 @@ class Facilities:
         self._has_heard = False
         self._is_told = True
         self._worker = Worker(routing.loop, WORKER, self._message, self._changed, self._writable)
+        self._worker.steady_s = STEADY_S
 
     def request(self, kind: MessageType | None, body: bytes, place: str, asked: Parsed) -> None:
         """Encode the JSON of a user and send it. Every outcome is reported as a confirm.
