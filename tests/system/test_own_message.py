@@ -7,12 +7,14 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from asn1 import cli as program
-from tests.system.conftest import Launcher
+from tests.system.conftest import Bench, Launcher
 from tests.system.station import ROOT
+from tests.system.user import JOIN_MS, Reports
 
 PAGE = (ROOT / "asn1/guide/own-messages.md").read_text()
 
@@ -105,3 +107,33 @@ def test_own_message_of_the_guide_sent_at_one_station_arrives_at_the_other(
     sh(sys.executable, folder / "hello.py", a.address("pull"), PYTHONPATH=str(folder / "python"))
     received = user.receive()
     assert (received.envelope, received.pdu.hex()) == (b"v2x.hello.", octets())
+
+
+def test_own_message_as_json_arrives_as_json_if_the_program_has_its_library(
+    folder: Path, launch: Launcher, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CAPTAIN_TYPES", str(folder / "types.toml"))
+    monkeypatch.setenv("PYTHONPATH", str(folder / "python"))  # a binary does not read it
+    bench = launch("ethernet")
+    reports = bench.make_reports()
+    bench.user.push_pdu(b"v2x.hello.", block("json").encode(), label="hello", form="json")
+    if "CAPTAIN" in os.environ:
+        (refused,) = reports.confirms_of("hello", 1)
+        assert refused["reason"] == "bad-json"
+        return
+    assert [one["outcome"] for one in reports.confirms_of("hello", 2)] == ["accepted", "sent"]
+    assert bench.air.hear() == (3000, bytes.fromhex(octets()))
+    reports.sub.subscribe(b"plain.hello.")
+    said = hears(bench, reports, bytes.fromhex(octets()), b"plain.hello.")
+    assert said["message"]["text"] == "hello"
+
+
+def hears(bench: Bench, reports: Reports, pdu: bytes, topic: bytes) -> dict[str, Any]:
+    """Send a PDU until its JSON arrives, and return the object."""
+    while True:
+        bench.air.send(pdu, 3000)
+        while reports.sub.poll(JOIN_MS):
+            found, body = reports.sub.recv_multipart()
+            if found == topic:
+                said: dict[str, Any] = json.loads(body)
+                return said
