@@ -9,7 +9,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from board.runtime.errors import InterfaceError, StationError
@@ -331,6 +331,7 @@ def test_a_client_that_has_said_all_is_still_answered_later(bench: Bench) -> Non
 def test_any_octets_are_answered_or_end_the_connection(
     tmp_path_factory: pytest.TempPathFactory, parts: list[bytes]
 ) -> None:
+    assume(b'"do"' not in b"".join(parts))  # hypothesis also tries constants of the code, which are valid questions
     path = tmp_path_factory.mktemp("control") / "s"
     with closing(VirtualLoop()) as loop, closing(Bench(loop, str(path))) as bench:
         client = bench.client()
