@@ -93,6 +93,11 @@ class RxInfo(NamedTuple):
     source: str = ""  # identifier of the broker's client that sent the PDU, if the broker's messages contain it
     implausible: tuple[Implausible, ...] = ()  # reasons why the message is implausible; empty for a plausible one
 
+    @property
+    def sender(self) -> str:
+        """Name of the sender at a broker, else its MAC address; empty if both are unknown."""
+        return self.source or (self.source_mac.hex(":") if self.source_mac != NO_MAC else "")
+
 
 NO_RX_INFO = RxInfo()
 

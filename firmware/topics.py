@@ -1,5 +1,6 @@
 """Message types: messageID, name in the envelope, BTP port, priority, lifetime and traffic class."""
 
+import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -62,6 +63,11 @@ JSON_FORMS = EXACT, PLAIN = ("json", "plain")
 # Largest number of reception queues of an interface. Each is a socket, and the kernel lets 256 sockets share the frames
 # of a device.
 MAX_LANES = 63
+
+
+def type_name(message_type: str) -> str:
+    """Return the name in envelopes of a type of the message library; `.` and `-` are not allowed there."""
+    return re.sub(r"[.-]", "_", message_type)
 
 
 class Topics:

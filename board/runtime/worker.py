@@ -41,7 +41,7 @@ from board.runtime.loop import Loop, Timer
 
 FIRST_DELAY_S = 0.2  # delay of the first restart; doubled with each further one
 LONGEST_DELAY_S = 30.0
-STEADY_S = 10.0
+STEADY_S = 10.0  # a child that fails at each start ends sooner
 
 
 def jitter() -> float:

@@ -69,7 +69,7 @@ def cam(station_id: int, its_ms: int, motion: Motion) -> bytes:
         (_CAM_LATITUDE, motion.latitude + 900_000_000),
         (_CAM_LONGITUDE, motion.longitude + 1_800_000_000),
         (_CAM_ALTITUDE, motion.altitude_mm // 10 + 100_000),
-        (_CAM_HEADING, _heading(motion)),
+        (_CAM_HEADING, motion.heading_tenths),
         (_CAM_SPEED, min(round(speed * 100), 16_382)),
         (_CAM_CURVATURE, _within(curvature * 1e4, 1022) + 1023),
         (_CAM_YAW_RATE, _within(degrees(speed * curvature) * 100, 32_766) + 32_766),
@@ -103,13 +103,9 @@ def denm(station_id: int, its_ms: int, path: Sequence[Motion], sequence: int) ->
         (_DENM_LATITUDE, here.latitude + 900_000_000),
         (_DENM_LONGITUDE, here.longitude + 1_800_000_000),
         (_DENM_ALTITUDE, here.altitude_mm // 10 + 100_000),
-        (_DENM_HEADING, _heading(here)),
+        (_DENM_HEADING, here.heading_tenths),
         *points,
     )
-
-
-def _heading(motion: Motion) -> int:
-    return round(motion.heading / 10_000) % 3600
 
 
 def _within(value: float, most: int) -> int:

@@ -78,8 +78,8 @@ class Neighbour:
 
 def _ego(its_ms: int, motion: Motion) -> Ego:
     position = Position(motion.latitude, motion.longitude)
-    heading = round(motion.heading / 10_000) % 3600
-    return Ego(its_ms, position, is_known=True, speed=round(motion.speed_mm_s / 10), heading=heading)
+    speed = round(motion.speed_mm_s / 10)
+    return Ego(its_ms, position, is_known=True, speed=speed, heading=motion.heading_tenths)
 
 
 class Beat:

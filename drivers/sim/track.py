@@ -29,6 +29,11 @@ class Motion(NamedTuple):
     heading: int
     curvature: float = 0.0
 
+    @property
+    def heading_tenths(self) -> int:
+        """Heading in 0.1 degree from north, 0 to 3599."""
+        return round(self.heading / 10_000) % 3600
+
 
 # Lap around a block in Ingolstadt, 1.1 km.
 BLOCK = (

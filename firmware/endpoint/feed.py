@@ -5,7 +5,8 @@ import os
 import zmq
 from zmq.backend import Socket as PlainSocket
 
-from drivers.message import NO_MAC, Indication, Position
+from drivers.message import Indication, Position
+from firmware.endpoint.report import said_of
 from firmware.facilities.exchange import Received, packed
 
 # Messages that wait on each side of the socket. A process that falls behind loses later ones, and counts them by their
@@ -59,7 +60,7 @@ class Feed:
 
 
 def _received(number: int, one: Indication) -> Received:
-    rx, quality = one.rx, one.quality
+    rx = one.rx
     is_known = rx.position != Position()
     return Received(
         number,
@@ -69,10 +70,10 @@ def _received(number: int, one: Indication) -> Received:
         one.received_ns,
         rx.btp_port,
         rx.rssi_dbm,
-        rx.source or (rx.source_mac.hex(":") if rx.source_mac != NO_MAC else ""),
+        rx.sender,
         rx.position.latitude if is_known else None,
         rx.position.longitude if is_known else None,
         rx.security.status.name,
-        (quality.state.name.lower(), quality.error_ns, quality.offset_ns, quality.uncertainty_ns),
+        said_of(one.quality),
         tuple(map(str, rx.implausible)),
     )

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from board.runtime.loop import Loop, Timer
 from board.time.scales import TimeQuality
-from drivers.message import ITS_HEADER, NO_MAC, UNKNOWN_TIME, Confirm, Fault, Indication
+from drivers.message import ITS_HEADER, UNKNOWN_TIME, Confirm, Fault, Indication
 from drivers.reason import MEANING, Reason
 from firmware import VERSION
 from firmware.endpoint.publisher import Publisher
@@ -256,7 +256,7 @@ class Report:
             "monotonic": one.monotonic,
             "btp_port": rx.btp_port,
             "rssi_dbm": rx.rssi_dbm,
-            "source": rx.source or (rx.source_mac.hex(":") if rx.source_mac != NO_MAC else ""),
+            "source": rx.sender,
             "quality": said_of(one.quality),
         }
         if rx.implausible:

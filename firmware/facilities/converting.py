@@ -4,7 +4,7 @@ import json
 from collections.abc import Container, Iterator, Mapping
 
 from firmware.codec.decoding import Decoder, UndecodableError, doubt_record, joined, refusal_record
-from firmware.codec.library import Library, Message
+from firmware.codec.library import Library
 from firmware.codec.reading import Pdu
 from firmware.facilities.exchange import MAX_BODY, Received
 from firmware.topics import JSON_FORMS, PLAIN
@@ -45,7 +45,7 @@ class Converter:
         head |= doubt_record(found)
         for form in forms:
             told = head | {"form": PLAIN} if form == PLAIN else head
-            body = joined(told, "message", _text(found.message, one.pdu, form)).encode()
+            body = joined(told, "message", found.message.to_json(one.pdu, plain=form == PLAIN)).encode()
             if len(body) > MAX_BODY:
                 told = {"error": f"JSON of {len(body)} octets; at most {MAX_BODY}", "hint": "decode `pdu`"}
                 body = _unreadable(told, one, reception)
@@ -65,19 +65,13 @@ def reception_of(one: Received) -> dict[str, object]:
     security     result of the check of the signature: `none`, `invalid_fmt`, `verified_pkt` or `unverifiable_pkt`.
     implausible  reasons why the message is implausible; absent for a plausible message.
     """
-    state, error_ns, offset_ns, uncertainty_ns = one.quality
     position = None
     if one.latitude is not None and one.longitude is not None:
         position = {"latitude": one.latitude / 1e7, "longitude": one.longitude / 1e7}
     told: dict[str, object] = {
         "interface": one.interface,
         "received_ns": one.received_ns,
-        "quality": {
-            "state": state,
-            "error_ns": error_ns,
-            "offset_ns": offset_ns,
-            "uncertainty_ns": uncertainty_ns,
-        },
+        "quality": one.quality,
         "btp_port": one.btp_port,
         "rssi_dbm": one.rssi_dbm,
         "source": one.source,
@@ -85,10 +79,6 @@ def reception_of(one: Received) -> dict[str, object]:
         "security": one.security.lower(),
     }
     return told | {"implausible": one.implausible} if one.implausible else told
-
-
-def _text(message: Message, pdu: bytes, form: str) -> str:
-    return message.to_json(pdu, plain=True) if form == PLAIN else message.to_json(pdu)
 
 
 def _unreadable(told: Mapping[str, object], one: Received, reception: dict[str, object]) -> bytes:

@@ -1,7 +1,6 @@
 """Encoding of a user's JSON: chooses the edition, completes the message, and lists all its faults."""
 
 import json
-import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -15,7 +14,7 @@ from firmware.facilities import strict_json
 from firmware.facilities.completing import Completion, stand_in
 from firmware.facilities.exchange import Ask
 from firmware.facilities.paths import remove_at, replace_at, type_at, value_at
-from firmware.topics import JSON_FORMS, PLAIN
+from firmware.topics import JSON_FORMS, PLAIN, type_name
 
 TOLD = 3  # number of faults in the text of an error
 MOST_FAULTS = 50  # largest number of faults that are listed
@@ -66,7 +65,7 @@ class Encoder:
             raise _fault("", "not an object")
         if "message" not in found:
             message = self._message(ask, None, found)
-            return Encoded(_encode(message, ask, found), _type_name(message))
+            return Encoded(_encode(message, ask, found), type_name(message.type))
         if strange := [key for key in found if key not in MEMBERS]:
             raise FaultsError("JSON", [(key, "unknown member", None) for key in strange])
         value, form = found["message"], found.get("form", ask.form)
@@ -75,7 +74,7 @@ class Encoder:
         if form not in JSON_FORMS:
             raise _fault("form", f"unknown form; {' or '.join(JSON_FORMS)}", form)
         message = self._message(ask, found.get("edition"), value)
-        return Encoded(_encode(message, ask._replace(form=form), value), _type_name(message))
+        return Encoded(_encode(message, ask._replace(form=form), value), type_name(message.type))
 
     def _message(self, ask: Ask, edition: object, value: dict[str, object]) -> Message:
         """Return the edition that the user names, or that the header announces, or the preferred one of the type."""
@@ -85,7 +84,7 @@ class Encoder:
             names = [one.name for one in self._messages]
             raise _fault("edition", f"unknown edition; {remedy(str(edition)[:LONGEST], names)}", edition)
         if ask.type:
-            of_type = [one for one in fits if _type_name(one) == ask.type]
+            of_type = [one for one in fits if type_name(one.type) == ask.type]
             if not of_type:
                 is_named = edition is not None
                 known = f"the envelope is v2x.{ask.type}." if is_named else f"no message of type {ask.type} is known"
@@ -109,11 +108,6 @@ def _short(fault: Fault) -> Fault:
     elif isinstance(value, dict | list) or (isinstance(value, int) and abs(value) >= 2**64):
         value = f"({type(value).__name__})"
     return path[:LONGEST], problem[:LONGEST], value
-
-
-def _type_name(message: Message) -> str:
-    """Return the type in envelopes, where `.` and `-` are not allowed."""
-    return re.sub(r"[.-]", "_", message.type)
 
 
 def _encode(message: Message, ask: Ask, value: dict[str, object]) -> bytes:
@@ -144,7 +138,7 @@ def _encode(message: Message, ask: Ask, value: dict[str, object]) -> bytes:
 def _octets(message: Message, form: str, value: object) -> bytes | ValueError:
     try:
         text = json.dumps(value)
-        return message.from_json(text, plain=True) if form == PLAIN else message.from_json(text)
+        return message.from_json(text, plain=form == PLAIN)
     except (RecursionError, MemoryError):
         return ValueError("nested too deeply, or larger than a message")
     except ValueError as error:

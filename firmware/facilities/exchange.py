@@ -60,7 +60,7 @@ class Received(NamedTuple):
     latitude     latitude of the sender in 1e-7 degree; None if unknown.
     longitude    longitude of the sender in 1e-7 degree; None if unknown.
     security     name of the SecurityStatus.
-    quality      quality of received_ns: state, error_ns, offset_ns, uncertainty_ns.
+    quality      quality of received_ns, as in reports.
     implausible  reasons why the message is implausible.
     """
 
@@ -75,7 +75,7 @@ class Received(NamedTuple):
     latitude: int | None
     longitude: int | None
     security: str
-    quality: tuple[str, int | None, int | None, int | None]
+    quality: dict[str, object]
     implausible: tuple[str, ...]
 
 

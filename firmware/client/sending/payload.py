@@ -13,11 +13,12 @@ from typing import BinaryIO, NamedTuple, TypeAlias
 from board.runtime.errors import RequestError
 from firmware import file_remedy
 from firmware.client.sending import json_texts
+from firmware.facilities.exchange import MAX_BODY
+from firmware.topics import type_name
 
 # A station accepts 1500 octets. Longer PDUs are allowed, to test its refusal; this limit only rejects files of another
 # kind.
 MAX_OCTETS = 0xFFFF
-MAX_JSON = 60 * 1024  # octets of a JSON object that a station accepts
 MAX_FILE = 64 << 20  # octets of a binary file; text is read line by line
 
 FORMATS = ("hex", "base64", "binary", "json")
@@ -238,7 +239,7 @@ def _item(item: object, where: str) -> Payload:
         raise RequestError(f"{where}: {str(item)[:40]!r} is not an object", ACCEPTED)
     kind = item.get("type", "")
     if "message" in item and isinstance(kind, str):
-        kind = re.sub("[.-]", "_", kind)  # in envelopes
+        kind = type_name(kind)
     if not isinstance(kind, str) or not TYPE.fullmatch(kind.lower()):
         raise RequestError(f"{where}: type {kind!r} is not a name of a type", "letters, digits and _, as in `cam`")
     for key, decode in (("hex", hex_octets), ("base64", base64_octets)):
@@ -247,7 +248,7 @@ def _item(item: object, where: str) -> Payload:
             return Payload(decode(text, f"{where}: {key}"), kind.lower(), where)
     if "message" in item:
         body = json.dumps({key: item[key] for key in ("edition", "form", "message") if key in item}).encode()
-        if len(body) > MAX_JSON:
-            raise RequestError(f"{where}: JSON of {len(body)} octets; at most {MAX_JSON}", "encode it: captain encode")
+        if len(body) > MAX_BODY:
+            raise RequestError(f"{where}: JSON of {len(body)} octets; at most {MAX_BODY}", "encode it: captain encode")
         return Payload(body, kind.lower(), where, "json")
     raise RequestError(f"{where}: `message`, `hex` or `base64` is missing", ACCEPTED)

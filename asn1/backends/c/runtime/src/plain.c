@@ -7,7 +7,7 @@
 
 /* ---------------------------------------------------------------- special values */
 
-/* Names of numbers that are no measurement, in every spelling of the standards. asn1/backends/ros2/access.py has them too. */
+/* Names of numbers that are not measurements, in every spelling of the standards. asn1/backends/ros2/access.py has them too. */
 static const char *const SPECIAL[] = {
     "unavailable", "unknown", "notAvailable", "doNotUse", "valueNotUsed",
     "outOfRange", "positiveOutOfRange", "postiveOutOfRange", "outOfRangePositive",
@@ -61,7 +61,7 @@ static const base BASES[] = {
 };
 
 enum { COUNT_DIGITS = 6 };
-/* Bounds for a factor that is no finite decimal, so that 64 bits and nine places suffice. */
+/* Bounds for a factor without a finite decimal, so that 64 bits and nine places suffice. */
 #define MAX_NUMBER INT64_C(1000000000000)
 #define MAX_FACTOR UINT64_C(1000000000)
 

@@ -296,7 +296,7 @@ captain_status captain_json_read(const captain_type *type, void *value, const ch
 /* The plain dialect: the same tree and names, but a number with a unit is in the SI unit (or degree, degree Celsius) as the
  * shortest exact decimal, a special value is its name ("unavailable", "outOfRange"), and a BIT STRING with named bits is the list
  * of the names of its set bits. The reader rounds a number to the nearest step. It refuses a number outside the range of the
- * type without its special values, and text that is no special value. asn1/guide/json.md has all rules. */
+ * type without its special values, and text that does not name a special value. asn1/guide/json.md has all rules. */
 captain_status captain_json_write_plain(const captain_type *type, const void *value, captain_sink sink, void *context);
 captain_status captain_json_read_plain(const captain_type *type, void *value, const char *json, size_t octets, captain_arena *arena, captain_report *report);
 
