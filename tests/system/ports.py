@@ -20,15 +20,25 @@ class Ports:
 
     def take(self) -> int:
         """Reserve a TCP port whose number is free for UDP as well."""
+        return self.take_row(1)[0]
+
+    def take_row(self, count: int) -> list[int]:
+        """Reserve consecutive TCP ports whose numbers are free for UDP as well."""
         ports = choice()
         while True:
-            port = random.choice(ports)
-            holder = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-            if _binds(holder, port) and _is_free(port, socket.SOCK_DGRAM):
-                holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                self._held.append(holder)
-                return port
-            holder.close()
+            first = random.choice(range(ports.start, ports.stop - count + 1))
+            row = list(range(first, first + count))
+            holders = [socket.socket(socket.AF_INET, socket.SOCK_STREAM) for _ in row]
+            if all(
+                _binds(holder, port) and _is_free(port, socket.SOCK_DGRAM)
+                for holder, port in zip(holders, row, strict=True)
+            ):
+                for holder in holders:
+                    holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                self._held += holders
+                return row
+            for holder in holders:
+                holder.close()
 
     def release(self) -> None:
         while self._held:

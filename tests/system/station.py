@@ -39,11 +39,11 @@ def toml_table(name: str, table: Table) -> str:
 
 
 class Station:
-    """Process `captain run` with ports of its own. Control socket and configuration are in `folder`."""
+    """Process `captain run` with four consecutive ports of its own. Control socket and configuration are in `folder`."""
 
     def __init__(self, folder: Path, ports: Ports) -> None:
         self.folder = folder
-        self.ports = {name: ports.take() for name in ENDPOINTS}
+        self.ports = dict(zip(ENDPOINTS, ports.take_row(len(ENDPOINTS)), strict=True))
         self.control = folder / "control.sock"
         self.file = folder / "captain.toml"
         self.stderr = folder / "stderr"

@@ -28,3 +28,12 @@ def test_a_port_that_is_held_is_not_free() -> None:
     assert not is_free(port)
     held.release()
     assert is_free(port)
+
+
+def test_a_row_of_ports_is_consecutive_and_held() -> None:
+    held = Ports()
+    row = held.take_row(4)
+    assert row == list(range(row[0], row[0] + 4))
+    assert not any(map(is_free, row))
+    held.release()
+    assert all(map(is_free, row))
