@@ -109,10 +109,10 @@ class Topics:
             return True
         return (kind.number == LEGACY_VAM) is is_legacy
 
-    def json_topics(self) -> tuple[bytes, ...]:
-        """Return the topics of messages in JSON: b"json.cam." and so on, and b"json.." for those without a name."""
+    def of_each_type(self, *words: str) -> tuple[bytes, ...]:
+        """Return topics of port 5558 for each type, such as b"json.cam."; b"json.." is for messages without a name."""
         names = dict.fromkeys(kind.name for kind in self.kinds)
-        return tuple(f"{form}.{name}.".encode() for form in JSON_FORMS for name in names)
+        return tuple(f"{word}.{name}.".encode() for word in words for name in names)
 
     def lanes(self) -> tuple[frozenset[int], ...]:
         """Return the messageIDs of each reception queue: first all of priority 0, then those of each name by priority.

@@ -3,7 +3,7 @@
 The Protocols contain the members that are used here. The full interface is in asn1/guide/python-functions.md.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol, cast
 
 from board.runtime.describe import remedy
@@ -53,6 +53,7 @@ class Message(Protocol):
     """A message of one edition of its standard.
 
     form_of  name of the message of which this is the -ext form; "" for the strict form.
+    short_names  path of each field with a short name.
     """
 
     @property
@@ -75,6 +76,8 @@ class Message(Protocol):
     def is_experimental(self) -> bool: ...
     @property
     def form_of(self) -> str: ...
+    @property
+    def short_names(self) -> Mapping[str, str]: ...
 
     def decode(self, octets: bytes, /) -> object: ...
     def view(self, octets: bytes, /) -> object: ...
@@ -86,7 +89,7 @@ class Message(Protocol):
     def leaves(self, octets: bytes, /) -> tuple[bytes, int]: ...
     def explain(self, octets: bytes, /) -> Sequence[Step]: ...
     def type_tree(self) -> Type: ...
-    def example(self, **fields: str) -> object: ...
+    def example(self, **fields: object) -> object: ...
 
 
 class Library(Protocol):

@@ -20,13 +20,16 @@ from firmware.endpoint.report import CONFIRM, FRAME, IMPLAUSIBLE, INDICATION, SO
 from firmware.endpoint.users import Users
 from firmware.routing.options import Parsed
 from firmware.routing.router import ConfirmListener, Observer, Routing
+from firmware.topics import JSON_FORMS
 
 if TYPE_CHECKING:
+    from firmware.endpoint.deliveries import Deliveries
     from firmware.endpoint.facilities import Facilities
     from firmware.endpoint.frames import Frames
 
 # Seconds. A stopping station still takes the messages that users have already sent, for at most this long.
 FINISH_S = 0.2
+MESSAGE = "message"  # first word of the topics of firmware.endpoint.deliveries
 
 
 class StationQueries(NamedTuple):
@@ -77,6 +80,7 @@ class Endpoint:
         self._wanted: set[bytes] = set()  # topics of the report port
         self._frames: Frames | None = None
         self._facilities: Facilities | None = None
+        self._deliveries: Deliveries | None = None
         self._routing = routing
         self._station_id = station.station_id
         self._are_frames_shown = False
@@ -88,9 +92,9 @@ class Endpoint:
 
         try:
             self.users = Users(loop, self.context, at(options.to_users), topics, drops, station.local)
-            json_topics = topics.json_topics()
-            costly = (IMPLAUSIBLE, FRAME, SOON, *json_topics)
-            counted = CountedTopics((*TOPICS, *json_topics), self._interest, costly=costly)
+            of_types = topics.of_each_type(MESSAGE, *JSON_FORMS)
+            costly = (IMPLAUSIBLE, FRAME, SOON, *of_types)
+            counted = CountedTopics((*TOPICS, *of_types), self._interest, costly=costly)
             also = [self.private_report] if has_recorder else []
             self._reports = Publisher(loop, self.context, at(options.report), "report", drops, counted, also)
             self.report = Report(
@@ -198,6 +202,8 @@ class Endpoint:
         elif topic == FRAME:
             if is_wanted is not was_wanted:
                 self._look_at_frames(is_wanted)
+        elif topic.startswith(b"message."):
+            self._deliveries_on_demand().want(topic, is_wanted)
         elif topic.startswith((b"json.", b"plain.")):
             self._facilities_on_demand().want(topic, is_wanted)
         else:
@@ -208,8 +214,16 @@ class Endpoint:
             from firmware.endpoint.facilities import Facilities  # imported on demand, as few stations need JSON
 
             self._facilities = Facilities(self._routing, self.context, self._reports, self._station_id)
-            self.users.json = self._facilities
+            self.users.listeners.append(self._facilities)
         return self._facilities
+
+    def _deliveries_on_demand(self) -> "Deliveries":
+        if self._deliveries is None:
+            from firmware.endpoint.deliveries import Deliveries
+
+            self._deliveries = Deliveries(self._loop, self._routing.topics.kinds, self._reports)
+            self.users.listeners.append(self._deliveries)
+        return self._deliveries
 
     def _look_at_frames(self, is_wanted: bool) -> None:
         if self._frames is None:

@@ -12,7 +12,7 @@ import zmq
 from board.runtime.worker import Worker
 from drivers.message import Fault, Indication, MessageType
 from drivers.reason import Reason
-from firmware.endpoint.feed import Feed
+from firmware.endpoint.feed import Feed, rows_of
 from firmware.endpoint.json_requests import JsonRequests
 from firmware.endpoint.publisher import Publisher
 from firmware.facilities.exchange import Ask, packed, parts_of
@@ -67,8 +67,7 @@ class Facilities:
     def want(self, topic: bytes, is_wanted: bool) -> None:
         """Start or stop a topic: its first subscriber came, or its last one left."""
         (self._wanted.add if is_wanted else self._wanted.discard)(topic)
-        names = {word.split(b".")[1].decode() for word in self._wanted}
-        self._rows = [kind.name in names for kind in self._kinds]
+        self._rows = rows_of(self._kinds, self._wanted)
         if is_wanted:
             if self._feed is None:
                 self._feed = Feed(self._context)
@@ -76,14 +75,14 @@ class Facilities:
         if self._worker.is_up:
             self._tell_wanted()
 
-    def publish(self, indications: list[Indication]) -> None:
+    def publish(self, indications: list[Indication], sequences: list[int]) -> None:
         """Give those received messages to the process whose JSON a user wants."""
         if self._feed is None:
             return
-        for one in indications:
+        for one, sequence in zip(indications, sequences, strict=True):
             if not self._rows[one.kind.row]:
                 continue
-            if self._worker.is_up and self._feed.send(one):
+            if self._worker.is_up and self._feed.send(one, sequence):
                 self._has_heard = True
             elif self._has_heard:  # else it is the first process that starts, and the subscription begins with it
                 self._count_lost(1, Reason.FACILITIES_RESTARTING, one.pdu)

@@ -1,12 +1,13 @@
 """Feed: received messages for the facilities process, on a private ZeroMQ socket."""
 
 import os
+from collections.abc import Iterable, Sequence
 
 import zmq
 from zmq.backend import Socket as PlainSocket
 
-from drivers.message import Indication, Position
-from firmware.endpoint.report import said_of
+from drivers.message import Indication, MessageType, Position
+from firmware.endpoint.report import run_id, said_of
 from firmware.facilities.exchange import Received, packed
 
 # Messages that wait on each side of the socket. A process that falls behind loses later ones, and counts them by their
@@ -40,12 +41,15 @@ class Feed:
         """Number the messages for a new process from 1."""
         self.sent = 0
 
-    def send(self, one: Indication) -> bool:
-        """Send a message; return False if no process has subscribed yet."""
+    def send(self, one: Indication, sequence: int) -> bool:
+        """Send a message; return False if no process has subscribed yet.
+
+        sequence  number of the message among the delivered ones of its type.
+        """
         if not self.sent and not self._has_subscriber():
             return False
         self.sent += 1
-        _send(self._socket, packed(*_received(self.sent, one)), NOBLOCK)
+        _send(self._socket, packed(*received_of(one, sequence, self.sent)), NOBLOCK)
         return True
 
     def close(self) -> None:
@@ -59,11 +63,20 @@ class Feed:
                 return self._subscriptions > 0
 
 
-def _received(number: int, one: Indication) -> Received:
+def rows_of(kinds: Sequence[MessageType], topics: Iterable[bytes]) -> list[bool]:
+    """Return for each row of the table of types whether one of the topics, such as b"json.cam.", is of this type."""
+    names = {topic.split(b".")[1].decode() for topic in topics}
+    return [kind.name in names for kind in kinds]
+
+
+def received_of(one: Indication, sequence: int, number: int = 0) -> Received:
+    """Return a message for a user of port 5558: its number among the delivered ones of its type, and in the feed."""
     rx = one.rx
     is_known = rx.position != Position()
     return Received(
         number,
+        run_id(),
+        sequence,
         one.kind.name,
         one.pdu,
         one.interface,

@@ -358,6 +358,7 @@ def process_status(started: float, now: float) -> dict[str, object]:
 
     version    version of the program.
     pid        process id.
+    run        random text of each start of the station: another one shows that it was restarted.
     boot       boot id of the kernel. Stations with the same boot id share one clock. Empty if unknown.
     time       Unix time in seconds.
     uptime_s   seconds since the start.
@@ -367,12 +368,19 @@ def process_status(started: float, now: float) -> dict[str, object]:
     return {
         "version": VERSION,
         "pid": os.getpid(),
+        "run": run_id(),
         "boot": boot_id(),
         "time": time.time(),
         "uptime_s": round(now - started, 3),
         "cpu_s": round(time.process_time(), 3),
         "memory_kb": memory_kb(),
     }
+
+
+@cache
+def run_id() -> str:
+    """Return a random text of this process."""
+    return os.urandom(8).hex()
 
 
 @cache

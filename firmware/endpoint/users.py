@@ -19,17 +19,17 @@ HEARTBEAT = b"hb.counter"
 HEARTBEAT_S = 1.0
 
 
-class JsonSide(Protocol):
-    """Receiver of published messages, for users who want JSON (firmware.endpoint.facilities.Facilities)."""
+class DeliveryListener(Protocol):
+    """Receiver of published messages, for users of port 5558. sequences: number of each one among those of its type."""
 
-    def publish(self, indications: list[Indication]) -> None: ...
+    def publish(self, indications: list[Indication], sequences: list[int]) -> None: ...
 
 
 class Users:
     """Publisher of indications and the heartbeat, the only contents of port 5556.
 
-    local  returns the own position for localInfo of RawRxMessage; None omits localInfo.
-    json   receives the same messages, for users who want JSON.
+    local      returns the own position for localInfo of RawRxMessage; None omits localInfo.
+    listeners  receive the same messages.
     """
 
     def __init__(
@@ -43,7 +43,8 @@ class Users:
     ) -> None:
         self.published = 0
         self.raw = 0
-        self.json: JsonSide | None = None
+        self.listeners: list[DeliveryListener] = []
+        self._sequences = {kind.name: 0 for kind in topics.kinds}  # number of the last message of each type
         self._is_raw_wanted = False
         self._loop = loop
         self._envelopes = topics.envelopes
@@ -68,8 +69,13 @@ class Users:
             messages = [(envelopes[one.kind.row], one.pdu) for one in indications]
         self.publisher.publish_all(messages)
         self.published += len(indications)
-        if self.json is not None:
-            self.json.publish(indications)
+        sequences = [self._next(one.kind.name) for one in indications]
+        for listener in self.listeners:
+            listener.publish(indications, sequences)
+
+    def _next(self, name: str) -> int:
+        self._sequences[name] = number = self._sequences[name] + 1
+        return number
 
     def _both(self, one: Indication) -> tuple[tuple[bytes, bytes], tuple[bytes, bytes]]:
         body = raw.build(one.pdu, one.received_ns, one.rx, self._local_info())

@@ -22,7 +22,8 @@ _PLAIN = {"ms": 1e3, "1e-7 degree": 1e7}
 _STATION_ID = frozenset({"StationID", "StationId"})
 _TIMES = frozenset({"TimestampIts"})
 _DELTA = "GenerationDeltaTime"  # ITS time modulo 65,536 ms
-_OWN_POSITION = "referencePosition"  # component; other positions are those of events and of other objects
+OWN_POSITION = "referencePosition"  # component; other positions are those of events and of other objects
+LATITUDE, LONGITUDE = "latitude", "longitude"
 # Members for what a newer edition knows: octets of an extension addition, length of its bitmap.
 _EXTENSION = re.compile(r"\[\d*\]")
 
@@ -85,7 +86,7 @@ class Completion:
         for name, field in known.items():
             if name in value or not _is_needed(field):
                 continue
-            if name in ("latitude", "longitude"):  # a message without the place that it is about is of no use
+            if name in (LATITUDE, LONGITUDE):  # a message without the place that it is about is of no use
                 completed[name] = self._fault(field.type, joined(path, name), _expected(field.type, self._ask.form))
             else:
                 completed[name] = self._missing(field.type, joined(path, name))
@@ -100,11 +101,11 @@ class Completion:
             if not ask.its_ms:
                 return self._fault(kind, path, "the station does not know the time")
             return self._number(kind, ask.its_ms % 65_536 if kind.name == _DELTA else ask.its_ms)
-        if path.endswith(_OWN_POSITION) and kind.kind == "SEQUENCE":
+        if path.endswith(OWN_POSITION) and kind.kind == "SEQUENCE":
             if ask.latitude is None or ask.longitude is None:
                 return self._fault(kind, path, "the station does not know its position")
             types = {field.name: field.type for field in kind.fields}
-            own = {"latitude": ask.latitude, "longitude": ask.longitude}
+            own = {LATITUDE: ask.latitude, LONGITUDE: ask.longitude}
             return self._sequence(kind, {name: self._number(types[name], number) for name, number in own.items()}, path)
         if kind.kind == "SEQUENCE":
             return self._sequence(kind, {}, path)
@@ -118,6 +119,11 @@ class Completion:
 
     def _number(self, kind: Type, number: int) -> float:
         return number / _PLAIN.get(kind.unit or "", 1.0) if self._ask.form == PLAIN else number
+
+
+def is_of_station(kind: Type) -> bool:
+    """Return whether a component has a value that the station knows: its stationID, or its time."""
+    return kind.name in _STATION_ID or kind.name == _DELTA or kind.name in _TIMES
 
 
 def stand_in(kind: Type, form: str) -> object:

@@ -6,7 +6,7 @@ from collections.abc import Container, Iterator, Mapping
 from firmware.codec.decoding import Decoder, UndecodableError, doubt_record, joined, refusal_record
 from firmware.codec.library import Library
 from firmware.codec.reading import Pdu
-from firmware.facilities.exchange import MAX_BODY, Received
+from firmware.facilities.exchange import MAX_BODY, Received, reception_of
 from firmware.topics import JSON_FORMS, PLAIN
 
 
@@ -50,35 +50,6 @@ class Converter:
                 told = {"error": f"JSON of {len(body)} octets; at most {MAX_BODY}", "hint": "decode `pdu`"}
                 body = _unreadable(told, one, reception)
             yield topics[form], body
-
-
-def reception_of(one: Received) -> dict[str, object]:
-    """Return how a message was received.
-
-    interface    interface that received it.
-    received_ns  Unix time of reception in ns.
-    quality      quality of received_ns, as in `indication.`.
-    btp_port     BTP port; null if unknown.
-    rssi_dbm     signal strength in dBm; null if unknown.
-    source       MAC address of the sender, or its name at a broker; empty if unknown.
-    position     position of the sender in degrees by the packet's header; null if unknown.
-    security     result of the check of the signature: `none`, `invalid_fmt`, `verified_pkt` or `unverifiable_pkt`.
-    implausible  reasons why the message is implausible; absent for a plausible message.
-    """
-    position = None
-    if one.latitude is not None and one.longitude is not None:
-        position = {"latitude": one.latitude / 1e7, "longitude": one.longitude / 1e7}
-    told: dict[str, object] = {
-        "interface": one.interface,
-        "received_ns": one.received_ns,
-        "quality": one.quality,
-        "btp_port": one.btp_port,
-        "rssi_dbm": one.rssi_dbm,
-        "source": one.source,
-        "position": position,
-        "security": one.security.lower(),
-    }
-    return told | {"implausible": one.implausible} if one.implausible else told
 
 
 def _unreadable(told: Mapping[str, object], one: Received, reception: dict[str, object]) -> bytes:

@@ -12,16 +12,16 @@ from firmware.codec.encoding import announced
 from firmware.codec.library import Library, Message
 from firmware.facilities import strict_json
 from firmware.facilities.completing import Completion, stand_in
-from firmware.facilities.exchange import Ask
+from firmware.facilities.exchange import MOST_FAULTS, Ask
+from firmware.facilities.named_fields import from_fields
 from firmware.facilities.paths import remove_at, replace_at, type_at, value_at
 from firmware.topics import JSON_FORMS, PLAIN, type_name
 
 TOLD = 3  # number of faults in the text of an error
-MOST_FAULTS = 50  # largest number of faults that are listed
 LONGEST = 200  # characters of a path, a problem or a value: all faults then fit into one message to the station
 # Members beside the message, of an object that the station publishes or `captain decode --json` prints.
 MEMBERS = frozenset({
-    "edition", "form", "message", "reception", "type", "warning", "others",
+    "edition", "fields", "form", "message", "reception", "type", "warning", "others",
     "why", "candidates", "origin", "octets", "btp_port", "received", "carried", "is_exact", "hex",
 })  # fmt: skip
 
@@ -63,6 +63,8 @@ class Encoder:
             raise FaultsError("JSON", faults)
         if not isinstance(found, dict):
             raise _fault("", "not an object")
+        if "fields" in found:
+            return self._encode_fields(ask, found)
         if "message" not in found:
             message = self._message(ask, None, found)
             return Encoded(_encode(message, ask, found), type_name(message.type))
@@ -75,6 +77,17 @@ class Encoder:
             raise _fault("form", f"unknown form; {' or '.join(JSON_FORMS)}", form)
         message = self._message(ask, found.get("edition"), value)
         return Encoded(_encode(message, ask._replace(form=form), value), type_name(message.type))
+
+    def _encode_fields(self, ask: Ask, found: dict[str, object]) -> Encoded:
+        """Encode a message that is given by fields, in SI units and degrees."""
+        if strange := [key for key in found if key not in ("edition", "fields", "form")]:
+            raise FaultsError("JSON", [(key, "not allowed beside fields", None) for key in strange])
+        fields = found["fields"]
+        if not isinstance(fields, dict):
+            raise _fault("fields", "not an object", fields)
+        message = self._message(ask, found.get("edition"), {})
+        value, faults = from_fields(message, fields)
+        return Encoded(_encode(message, ask._replace(form=PLAIN), value, faults), type_name(message.type))
 
     def _message(self, ask: Ask, edition: object, value: dict[str, object]) -> Message:
         """Return the edition that the user names, or that the header announces, or the preferred one of the type."""
@@ -110,15 +123,15 @@ def _short(fault: Fault) -> Fault:
     return path[:LONGEST], problem[:LONGEST], value
 
 
-def _encode(message: Message, ask: Ask, value: dict[str, object]) -> bytes:
+def _encode(message: Message, ask: Ask, value: dict[str, object], known: Sequence[Fault] = ()) -> bytes:
     completion = Completion(message, ask)
     completed = completion.complete(value)
-    faults = completion.faults
+    faults = [*known, *completion.faults]
     made = _octets(message, ask.form, completed)
     while isinstance(made, ValueError) and len(faults) < MOST_FAULTS:
         # The library reports the first invalid value, and the next one when the first is replaced or removed.
         path, reason = getattr(made, "path", ""), getattr(made, "reason", str(made))
-        if path not in {known for known, _, _ in faults}:
+        if path not in {told for told, _, _ in faults}:
             faults.append((path, reason, value_at(completed, path)))
         kind, invalid = type_at(message.type_tree(), path), value_at(completed, path)
         legal = None if kind is None else stand_in(kind, ask.form)

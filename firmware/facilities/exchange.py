@@ -21,6 +21,7 @@ import marshal
 from typing import Any, NamedTuple, cast
 
 MAX_BODY = 60 * 1024  # octets of a JSON object: with its other fields it fits into a message of a worker
+MOST_FAULTS = 50  # largest number of faults of a request that are listed
 
 
 class Ask(NamedTuple):
@@ -52,6 +53,8 @@ class Received(NamedTuple):
     """A received message with its metadata.
 
     number       running number: a gap shows messages that were lost on the way to the process.
+    run          random text of this start of the station.
+    sequence     number of the message among the delivered ones of its type.
     type         message type; empty for an unknown messageID.
     received_ns  Unix time of reception in ns.
     btp_port     BTP port; None if unknown.
@@ -65,6 +68,8 @@ class Received(NamedTuple):
     """
 
     number: int
+    run: str
+    sequence: int
     type: str
     pdu: bytes
     interface: str
@@ -77,6 +82,39 @@ class Received(NamedTuple):
     security: str
     quality: dict[str, object]
     implausible: tuple[str, ...]
+
+
+def reception_of(one: Received) -> dict[str, object]:
+    """Return how a message was received.
+
+    run          random text of each start of the station; another one shows that the station was restarted.
+    sequence     number of the message among the delivered ones of its type since the start: a gap shows missed ones.
+    interface    interface that received it.
+    received_ns  Unix time of reception in ns.
+    quality      quality of received_ns, as in `indication.`.
+    btp_port     BTP port; null if unknown.
+    rssi_dbm     signal strength in dBm; null if unknown.
+    source       MAC address of the sender, or its name at a broker; empty if unknown.
+    position     position of the sender in degrees by the packet's header; null if unknown.
+    security     result of the check of the signature: `none`, `invalid_fmt`, `verified_pkt` or `unverifiable_pkt`.
+    implausible  reasons why the message is implausible; absent for a plausible message.
+    """
+    position = None
+    if one.latitude is not None and one.longitude is not None:
+        position = {"latitude": one.latitude / 1e7, "longitude": one.longitude / 1e7}
+    told: dict[str, object] = {
+        "run": one.run,
+        "sequence": one.sequence,
+        "interface": one.interface,
+        "received_ns": one.received_ns,
+        "quality": one.quality,
+        "btp_port": one.btp_port,
+        "rssi_dbm": one.rssi_dbm,
+        "source": one.source,
+        "position": position,
+        "security": one.security.lower(),
+    }
+    return told | {"implausible": one.implausible} if one.implausible else told
 
 
 def packed(*parts: Any) -> bytes:

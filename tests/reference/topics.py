@@ -14,11 +14,13 @@ from firmware.clock.pulsed_time import PulsedTime
 from firmware.clock.system_clock import SystemClock
 from firmware.clock.timekeeper import Timekeeper
 from firmware.codec.decoding import doubt_record, refusal_record
+from firmware.endpoint.deliveries import delivery_of
 from firmware.endpoint.endpoint import Endpoint
 from firmware.endpoint.facilities import Facilities
 from firmware.endpoint.frame_report import FrameReport
 from firmware.endpoint.report import Report, invalid_of, process_status, said_of
-from firmware.facilities.converting import Converter, reception_of
+from firmware.facilities.converting import Converter
+from firmware.facilities.exchange import reception_of
 from firmware.recorder.ring import Ring
 from firmware.routing.drops import Drop, Drops
 from firmware.routing.duplicates import Duplicates
@@ -120,6 +122,12 @@ PARTS = (
     ),
     Part("confirm: invalid", "confirm.invalid[]", _of(invalid_of)),
     Part(
+        "message",
+        "message",
+        _of(delivery_of, reception_of),
+        "Topic `message.<type>.`: every message that was delivered on port 5556, with its metadata; `message..` for a message without a known type. The third frame of the ZeroMQ message is the PDU. They are sent only to users whose subscription begins with `message.`. Above 4,000 a second they are only numbered.",
+    ),
+    Part(
         "json, plain",
         "json",
         _of(Converter.convert, doubt_record, refusal_record),
@@ -185,7 +193,7 @@ MAPS = frozenset({
 })  # fmt: skip
 OPAQUE = frozenset({"status.interfaces.*.details", "json.message", "confirm.invalid[].value"})  # of a driver, a message
 ELSEWHERE = {"status.clock": "time", "plain": "json", "json.reception.quality": "*.quality"} | {
-    f"{name}.quality": "*.quality" for name in ("confirm", "indication", "implausible", "frame")
+    f"{name}.quality": "*.quality" for name in ("confirm", "indication", "implausible", "frame", "message")
 }
 
 

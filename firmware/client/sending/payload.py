@@ -238,7 +238,8 @@ def _item(item: object, where: str) -> Payload:
     if not isinstance(item, dict):
         raise RequestError(f"{where}: {str(item)[:40]!r} is not an object", ACCEPTED)
     kind = item.get("type", "")
-    if "message" in item and isinstance(kind, str):
+    is_json = "message" in item or "fields" in item
+    if is_json and isinstance(kind, str):
         kind = type_name(kind)
     if not isinstance(kind, str) or not TYPE.fullmatch(kind.lower()):
         raise RequestError(f"{where}: type {kind!r} is not a name of a type", "letters, digits and _, as in `cam`")
@@ -246,9 +247,9 @@ def _item(item: object, where: str) -> Payload:
         text = item.get(key)
         if isinstance(text, str):
             return Payload(decode(text, f"{where}: {key}"), kind.lower(), where)
-    if "message" in item:
-        body = json.dumps({key: item[key] for key in ("edition", "form", "message") if key in item}).encode()
+    if is_json:
+        body = json.dumps({key: item[key] for key in ("edition", "form", "message", "fields") if key in item}).encode()
         if len(body) > MAX_BODY:
             raise RequestError(f"{where}: JSON of {len(body)} octets; at most {MAX_BODY}", "encode it: captain encode")
         return Payload(body, kind.lower(), where, "json")
-    raise RequestError(f"{where}: `message`, `hex` or `base64` is missing", ACCEPTED)
+    raise RequestError(f"{where}: `message`, `fields`, `hex` or `base64` is missing", ACCEPTED)

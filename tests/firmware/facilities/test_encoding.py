@@ -136,3 +136,65 @@ def test_object_of_captain_decode_is_encoded_to_the_same_octets() -> None:
         "message": message,
     }
     assert ENCODER.encode(ask(told)) == (octets, "cam")
+
+
+def encode_fields(fields: object, edition: str = "cam-1.4.1", **changes: object) -> dict[str, Any]:
+    octets, _ = ENCODER.encode(ask({"edition": edition, "fields": fields})._replace(**changes))
+    return json.loads(messages.find(edition).to_json(octets, plain=True))
+
+
+def test_fields_of_a_cam_are_encoded_with_own_id_time_and_position() -> None:
+    sent = encode_fields({"speed": 13.9, "heading": 90.0})
+    basic = sent["cam"]["camParameters"]["basicContainer"]
+    assert sent["header"]["stationID"] == 4711
+    assert sent["cam"]["generationDeltaTime"] == 500_000_000_000 % 65_536 / 1000
+    assert basic["referencePosition"]["latitude"] == 48.7668
+    high = sent["cam"]["camParameters"]["highFrequencyContainer"]["basicVehicleContainerHighFrequency"]
+    assert (high["speed"]["speedValue"], high["heading"]["headingValue"]) == (13.9, 90.0)
+
+
+def test_fields_that_the_station_knows_are_those_of_the_user_if_given() -> None:
+    given = {"station": 7, "time": 1.5, "latitude": 48.7, "longitude": 11.4}
+    sent = encode_fields(given, latitude=None, longitude=None, its_ms=0)
+    position = sent["cam"]["camParameters"]["basicContainer"]["referencePosition"]
+    assert (sent["header"]["stationID"], sent["cam"]["generationDeltaTime"]) == (7, 1.5)
+    assert (position["latitude"], position["longitude"]) == (48.7, 11.4)
+
+
+def test_fields_by_path_are_encoded() -> None:
+    sent = encode_fields({f"{CONTAINER}.speed.speedValue": 13.9, f"{CONTAINER}.speed.speedConfidence": 1.0})
+    high = sent["cam"]["camParameters"]["highFrequencyContainer"]["basicVehicleContainerHighFrequency"]
+    assert high["speed"] == {"speedValue": 13.9, "speedConfidence": 1.0}
+
+
+def test_all_faults_of_fields_are_listed_at_once() -> None:
+    found = faults({"edition": "cam-1.4.1", "fields": {"speed": 999, "sped": 1, "heading": [1], "length": 4.5}})
+    assert set(found) == {f"{CONTAINER}.speed.speedValue", "sped", f"{CONTAINER}.heading.headingValue"}
+    assert "speed" in found["sped"]
+
+
+def test_fields_of_a_denm_without_the_place_of_the_event_are_refused() -> None:
+    found = faults({"edition": "denm-1.3.1", "fields": {"cause": 94}})
+    place = "denm.management.eventPosition"
+    assert set(found) == {f"{place}.latitude", f"{place}.longitude"}
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"fields": []}, {"fields": {"": 1}}, {"fields": {"speed": None}}, {"fields": {"speed": {}}}, {"fields": {"speed": True}},
+        {"fields": {"speed": 1.0}, "message": {}}, {"fields": {"cam": 1}}, {"fields": {"a" * 50_000: 1}}, {"fields": {"speed": "9" * 50_000}},
+        {"fields": {f"a{number}": number for number in range(3_000)}}, {"fields": {"speed": 10**400}}, {"edition": [], "fields": {}},
+    ],
+    ids=lambda body: repr(body)[:60],
+)  # fmt: skip
+def test_hostile_fields_are_refused_with_faults(body: dict[str, object]) -> None:
+    assert faults({"edition": "cam-1.4.1", **body})
+
+
+@pytest.mark.parametrize("name", [message.name for message in WITH_HEADER])
+def test_fields_of_every_edition_with_its_place_make_a_legal_message(name: str) -> None:
+    message = messages.find(name)
+    place = {field: 1.0 for field in ("latitude", "longitude") if field in message.short_names}
+    octets, _ = ENCODER.encode(ask({"edition": name, "fields": place}))
+    assert int.from_bytes(octets[2:6], "big") == 4711

@@ -143,7 +143,7 @@ def test_octets_of_standard_input_are_one_pdu():
         ("x.json", b"", "it holds no PDU"),
         ("x.json", b"[1]", "item 0: '1' is not an object"),
         ("x.json", b'[{"hex": "0"}]', "item 0: hex: 1 hexadecimal digits"),
-        ("x.json", b'[{"hex": 7}]', "item 0: `message`, `hex` or `base64` is missing"),
+        ("x.json", b'[{"hex": 7}]', "item 0: `message`, `fields`, `hex` or `base64` is missing"),
         ("x.json", b'[{"hex": "02", "type": "a.b"}]', "item 0: type 'a.b' is not a name of a type"),
         ("x.json", b"[{", "it is not JSON: Expecting property name enclosed in double quotes at line 1, character 3"),
         ("x.jsonl", b'{"hex": "02"}\n{"hex"}\n', "line 2: it is not JSON"),
@@ -236,3 +236,9 @@ def test_json_of_a_message_is_left_to_the_station_without_the_members_of_its_rec
     for found in (read(text), read("-", given_octets=text.encode())):
         ((pdu, kind, _, form),) = found
         assert (json.loads(pdu), kind, form) == ({"edition": "cam-1.4.1", "message": {"cam": {}}}, "cam", "json")
+
+
+def test_fields_in_place_of_a_message_are_sent_as_json():
+    item = {"edition": "cam", "fields": {"speed": 13.9}, "note": "mine"}
+    (found,) = payload.read([json.dumps(item)], None, io.BytesIO())
+    assert (found.form, json.loads(found.pdu)) == ("json", {"edition": "cam", "fields": {"speed": 13.9}})

@@ -1,0 +1,51 @@
+"""Messages with their metadata for users of port 5558: topic `message.<type>.`."""
+
+import json
+
+from board.runtime.loop import Loop
+from drivers.message import Indication, MessageType
+from firmware.endpoint.feed import received_of, rows_of
+from firmware.endpoint.publisher import Publisher
+from firmware.facilities.exchange import Received, reception_of
+
+# Number of messages per PERIOD_S. Routing has priority: further ones are numbered but not published. 4,000 are two full
+# channels, and cost a twentieth of a core.
+BUDGET = 4_000
+PERIOD_S = 1.0
+
+
+class Deliveries:
+    """Publishes the messages that were delivered on port 5556, while a user subscribes to their type."""
+
+    def __init__(self, loop: Loop, kinds: list[MessageType], reports: Publisher) -> None:
+        self._clock = loop.clock
+        self._kinds = kinds
+        self._reports = reports
+        self._wanted: set[bytes] = set()
+        self._rows = [False] * len(kinds)  # by row of the table of types: does a user want it?
+        self._left = BUDGET
+        self._renewed = loop.clock()
+
+    def want(self, topic: bytes, is_wanted: bool) -> None:
+        """Start or stop a topic: its first subscriber came, or its last one left."""
+        (self._wanted.add if is_wanted else self._wanted.discard)(topic)
+        self._rows = rows_of(self._kinds, self._wanted)
+
+    def publish(self, indications: list[Indication], sequences: list[int]) -> None:
+        """Publish those messages whose type a user wants."""
+        if self._clock() >= self._renewed + PERIOD_S:
+            self._left, self._renewed = BUDGET, self._clock()
+        for one, sequence in zip(indications, sequences, strict=True):
+            if self._rows[one.kind.row] and self._left > 0:
+                self._left -= 1
+                received = received_of(one, sequence)
+                topic = f"message.{received.type}.".encode()
+                self._reports.publish_both(topic, json.dumps(delivery_of(received)).encode(), one.pdu)
+
+
+def delivery_of(one: Received) -> dict[str, object]:
+    """Return the object of a delivered message.
+
+    type  message type; empty without a known one.
+    """
+    return {"type": one.type, **reception_of(one)}
