@@ -41,12 +41,14 @@ class Capabilities(NamedTuple):
     technology   usual name of the medium: its-g5, 5g, udp, ethernet, uart, ...
     max_payload  length of the longest PDU that the interface carries, in octets.
     metadata     names of the RxInfo fields that the driver fills.
+    broker       address of the broker that the interface uses; empty without a broker.
     """
 
     can: Can
     technology: str
     max_payload: int = 1500
     metadata: frozenset[str] = frozenset()
+    broker: str = ""
 
 
 class Sent(Enum):
@@ -80,6 +82,15 @@ class Host(Protocol):
 
         received_ns  time of reception: Unix time in nanoseconds.
         rx           metadata of the reception.
+        """
+
+    def request(self, pdu: bytes, btp_port: int | None = None) -> None:
+        """Send a PDU of an application behind this interface, as if a user sent it.
+
+        Interfaces at the same broker, this one included, do not send it.
+
+        pdu       facilities PDU of ITS_HEADER to MAX_PDU octets; its messageID decides the type.
+        btp_port  destination port that replaces the one of the type.
         """
 
     def heard(self, mac: bytes, rssi_dbm: int | None) -> None:

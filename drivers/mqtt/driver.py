@@ -10,6 +10,7 @@ from typing import ClassVar
 from board.runtime.errors import BlockedError
 from drivers.contract import BUSY, Can, Capabilities, Host, Sent, Shared
 from drivers.message import MAX_PDU, Request
+from drivers.mqtt.broker import broker
 from drivers.mqtt.options import MqttOptions, check_files, file_stamps
 from drivers.mqtt.uplink import ClientHistory, Uplink
 
@@ -36,7 +37,8 @@ class Mqtt:
     def __init__(
         self, options: MqttOptions, shared: Shared, command: Sequence[str] = (), silence_s: float = SILENCE_S
     ) -> None:
-        self.capabilities = Capabilities(Can.RECEIVE | Can.TRANSMIT | Can.ANYWHERE, "mqtt", MAX_PDU, METADATA)
+        can = Can.RECEIVE | Can.TRANSMIT | Can.ANYWHERE
+        self.capabilities = Capabilities(can, "mqtt", MAX_PDU, METADATA, str(broker(options.url)))
         self.bearer = options.bearer
         self._options = options
         self._shared = shared

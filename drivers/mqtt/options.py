@@ -42,6 +42,8 @@ class MqttOptions:
     uuid              identity in messages, if the profile's messages contain one; use the form of the other clients.
                       Empty: made from address and client_id.
     prefix            first levels of topics, if the profile lets them be set.
+    requests          `true`: messages from the broker are requests to send, as those of users, and not received
+                      messages. They never return to this broker.
     ca                file of the certificates that sign brokers. Empty: those of the system.
     certificate       file with the certificate of this client; needs key.
     key               file with its private key, readable only by its owner.
@@ -71,6 +73,7 @@ class MqttOptions:
     station: Annotated[int, Range(0, 4_294_967_295)] = 0
     uuid: str = ""
     prefix: str = ""
+    requests: bool = False
     ca: str = ""
     certificate: str = ""
     key: str = ""

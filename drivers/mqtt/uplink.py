@@ -205,7 +205,10 @@ class Uplink:
 
     def _received(self, message: bytes) -> None:
         received_ns, (pdu, btp_port, source) = wire.parse_received(message)
-        self._host.indicate(pdu, received_ns, RxInfo(btp_port, source=source))
+        if self._options.requests:
+            self._host.request(pdu, btp_port)
+        else:
+            self._host.indicate(pdu, received_ns, RxInfo(btp_port, source=source))
 
     def _sent(self, message: bytes) -> None:
         number, reason, why = wire.parse_sent(message)

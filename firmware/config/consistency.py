@@ -22,7 +22,7 @@ ALL = "0.0.0.0"  # address that means all addresses of this host
 SERIAL = {"uart": "device", "sim8202g": "port", "zed_f9p": "port"}  # option with the serial port, by driver
 SOCKETS = ("from_users", "to_users", "pull", "report")
 # Names of drop counters' places other than interfaces. No interface may have one of these names.
-PLACES = frozenset({*SOCKETS, "router"})
+PLACES = frozenset({*SOCKETS, "from_brokers", "router"})
 # Keys of the policy's rows that are only for sent messages. (`interfaces` is for received messages as well.)
 LEAVING = ("fallback", "priority", "lifetime_s", "rate_per_s", "traffic_class")
 

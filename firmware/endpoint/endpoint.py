@@ -154,7 +154,7 @@ class Endpoint:
     def status(self) -> dict[str, object]:
         """Return the parts of the status about users and reports.
 
-        endpoint.requests     number of requests of users.
+        endpoint.requests     number of requests of users, and of applications at brokers.
         endpoint.accepted     number of accepted requests.
         endpoint.published    number of PDUs that were published on port 5556.
         endpoint.raw          number of RawRxMessages that were published on port 5556.

@@ -74,7 +74,7 @@ class Drops:
     def count(self, where: str, reason: Reason, sample: bytes = b"", count: int = 1, detail: str = "") -> None:
         """Count dropped messages, pass them to the listener, and log them at powers of ten.
 
-        where   place: name of an interface, or from_users, pull, to_users, report.
+        where   place: name of an interface, or from_users, pull, to_users, report, from_brokers.
         sample  octets of the dropped message; empty if they are unknown.
         count   number of dropped messages.
         detail  cause in this case, if more than the reason is known.
@@ -102,7 +102,8 @@ class Drops:
     def status(self) -> Iterator[dict[str, object]]:
         """Yield an object for each place and reason.
 
-        where    name of the interface; `from_users`, `pull`, `to_users` or `report` for a socket.
+        where    name of the interface; `from_users`, `pull`, `to_users` or `report` for a socket; `from_brokers` for
+                 requests of applications at brokers.
         reason   drop reason.
         meaning  meaning of the reason.
         detail   cause of the last drop, if known.

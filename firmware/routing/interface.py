@@ -30,9 +30,11 @@ from firmware.config.tables import QueueOptions
 from firmware.routing.drops import Drops
 from firmware.routing.implausible import DENM, ImplausibleCounts, doubted, is_denm_ahead
 from firmware.routing.neighbours import Neighbours
+from firmware.routing.options import NOTHING_ASKED, Parsed, RequestOptions
 from firmware.routing.outlet import Outlet
 from firmware.topics import Topics
 
+FROM_BROKERS = "from_brokers"  # place of the drop counters for refused requests of applications at brokers
 _new = tuple.__new__
 
 log = logging.getLogger("captain.interface")
@@ -48,6 +50,7 @@ class UpperLayer(Protocol):
     def renewed_quality(self) -> TimeQuality: ...
 
     def indicate(self, indication: Indication) -> None: ...
+    def request(self, kind: MessageType, pdu: bytes, where: str, asked: Parsed, origin: "Interface") -> None: ...
     def confirm(self, confirm: Confirm) -> None: ...
     def links_changed(self) -> None: ...
     def ego(self) -> Ego: ...
@@ -198,6 +201,10 @@ class Interface:
             return Reason.LONG_PDU
         return None if is_unknown else Reason.SHORT_PDU
 
+    def request(self, pdu: bytes, btp_port: int | None = None) -> None:
+        asked = NOTHING_ASKED if btp_port is None else Parsed(RequestOptions(btp_port=btp_port), None)
+        self._above.request(self._by_number[pdu[1]], pdu, FROM_BROKERS, asked, self)
+
     def heard(self, mac: bytes, rssi_dbm: int | None) -> None:
         self.neighbours.heard(mac, self.loop.clock(), rssi_dbm)
 
@@ -293,6 +300,11 @@ class Interface:
             left = now if handed_over is None else handed_over
             queue_s, send_s = left - request.accepted, now - left
             self._above.confirm(Confirm(request, Outcome.DROPPED, self.name, reason, queue_s, send_s, detail))
+
+    def is_at_broker_of(self, other: "Interface") -> bool:
+        """Return True if both interfaces are the same one, or use the same broker."""
+        broker = self.driver.capabilities.broker
+        return self is other or (broker != "" and broker == other.driver.capabilities.broker)
 
     def status(self) -> dict[str, object]:
         """Return counters by type, link and queue.

@@ -157,13 +157,21 @@ class Router:
     def links_changed(self) -> None:
         self._targets.clear()
 
-    # Called by the endpoint for messages of users.
+    # Called by the endpoint for messages of users, and by interfaces for those of applications behind them.
 
-    def request(self, kind: MessageType, pdu: bytes, where: str, asked: Parsed = NOTHING_ASKED) -> None:
+    def request(
+        self,
+        kind: MessageType,
+        pdu: bytes,
+        where: str,
+        asked: Parsed = NOTHING_ASKED,
+        origin: Interface | None = None,
+    ) -> None:
         """Send a PDU by the interfaces that the policy or the user chooses. Every outcome is reported as a confirm.
 
-        where  socket that received the PDU, as place for the drop counters.
-        asked  options of the message.
+        where   socket that received the PDU, as place for the drop counters.
+        asked   options of the message.
+        origin  interface that received the PDU from an application. It and others at its broker do not send it.
         """
         self.requests = number = self.requests + 1
         now = self._clock()
@@ -184,6 +192,8 @@ class Router:
         targets = self._targets.get(row)
         if targets is None:
             targets = self._targets[row] = self._usable(row.interfaces, row.fallback)
+        if origin is not None:
+            targets = self._usable(row.interfaces, row.fallback, origin)
         if is_asked:
             request = _as_asked(request, asked)
             named = asked.options.interfaces
@@ -192,10 +202,11 @@ class Router:
                 self._refuse(request, Reason.NO_INTERFACE, where, detail)
                 return
             if named is not None:
-                targets = self._usable(named, ())
+                targets = self._usable(named, (), origin)
         if not targets or (row.rate is not None and not row.rate.allows(now)):
             named = row.interfaces if asked.options.interfaces is None else asked.options.interfaces
-            self._refuse(request, _why_not(targets, named), where)
+            reason = _why_not(targets, named)
+            self._refuse(request, reason, where, "" if origin is None else f"it came from {origin.name}")
             return
         for stage in self.request_stages:
             passed = stage(request)
@@ -254,21 +265,27 @@ class Router:
         if self.is_confirm_wanted:
             self.confirm(Confirm(request, Outcome.REFUSED, "", reason, detail=detail, invalid=invalid))
 
-    def _usable(self, names: Sequence[str], fallback: Sequence[str]) -> tuple[Interface, ...]:
+    def _usable(
+        self, names: Sequence[str], fallback: Sequence[str], origin: Interface | None = None
+    ) -> tuple[Interface, ...]:
         """Return the interfaces for a request.
 
         Named interfaces with a link come first, then fall-back interfaces with a link. If no link is up, all named ones
         are returned: the request waits in their queues.
+
+        origin  interface that the request came from: it and others at its broker are left out. Their MQTT clients would
+                take each other's messages for new requests, without end.
         """
-        named = self._transmitting(names)
+        named = self._transmitting(names, origin)
         up = tuple(interface for interface in named if interface.is_up)
-        second = tuple(interface for interface in self._transmitting(fallback) if interface.is_up)
+        second = tuple(interface for interface in self._transmitting(fallback, origin) if interface.is_up)
         return up or second or named
 
-    def _transmitting(self, names: Sequence[str]) -> tuple[Interface, ...]:
+    def _transmitting(self, names: Sequence[str], origin: Interface | None) -> tuple[Interface, ...]:
         interfaces = self.interfaces
         chosen = interfaces if "*" in names else dict.fromkeys(name for name in names if name in interfaces)
-        return tuple(interfaces[name] for name in chosen if interfaces[name].can_transmit)
+        able = (interfaces[name] for name in chosen if interfaces[name].can_transmit)
+        return tuple(one for one in able if origin is None or not one.is_at_broker_of(origin))
 
 
 class Routing(NamedTuple):

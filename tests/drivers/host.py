@@ -29,6 +29,7 @@ class Host:
         self.keeps = keeps  # False where a hundred thousand are only counted
         self.count = 0
         self.indications: list[tuple[bytes, int, RxInfo]] = []
+        self.requests: list[tuple[bytes, int | None]] = []
         self.neighbours: list[bytes] = []
         self.drops: Counter[Reason] = Counter()
         self.samples: list[bytes] = []
@@ -62,6 +63,9 @@ class Host:
         if self.keeps:
             self.indications.append((pdu, received_ns, rx))
         self.on_indication()
+
+    def request(self, pdu: bytes, btp_port: int | None = None) -> None:
+        self.requests.append((pdu, btp_port))
 
     def heard(self, mac: bytes, rssi_dbm: int | None) -> None:
         self.neighbours.append(mac)

@@ -11,6 +11,7 @@ from drivers.message import UNKNOWN_TIME, Confirm, Ego, Indication, MessageType,
 from firmware.config.tables import QueueOptions
 from firmware.routing.drops import Drops
 from firmware.routing.interface import Interface
+from firmware.routing.options import Parsed
 from firmware.topics import Topics
 
 CAM_PDU = bytes.fromhex("02020000053900010203")
@@ -38,8 +39,8 @@ def request_of(
 class ScriptedDriver:
     """A driver that notes what it is given, and does in start() and answers in send() what the test says."""
 
-    def __init__(self, can: Can = BOTH_WAYS) -> None:
-        self.capabilities = Capabilities(can, "test")
+    def __init__(self, can: Can = BOTH_WAYS, broker: str = "") -> None:
+        self.capabilities = Capabilities(can, "test", broker=broker)
         self.on_start: Callable[[Host], None] = lambda host: host.link(True, "plugged in")
         self.on_stop: Callable[[], None] = lambda: None
         self.answer: Sent | StationError = Sent.NOW
@@ -73,6 +74,7 @@ class NotingStation:
         self.quality = self.renewed = UNKNOWN_TIME
         self.quality_until = math.inf
         self.indications: list[Indication] = []
+        self.requests: list[tuple[str, bytes, str, int | None, Interface]] = []
         self.confirms: list[Confirm] = []
         self.link_changes = 0
         self.position = position
@@ -82,6 +84,9 @@ class NotingStation:
 
     def indicate(self, indication: Indication) -> None:
         self.indications.append(indication)
+
+    def request(self, kind: MessageType, pdu: bytes, where: str, asked: Parsed, origin: Interface) -> None:
+        self.requests.append((kind.name, pdu, where, asked.options.btp_port, origin))
 
     def confirm(self, confirm: Confirm) -> None:
         self.confirms.append(confirm)

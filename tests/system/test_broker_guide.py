@@ -60,7 +60,7 @@ def client(broker: Mosquitto, folder: Path, name: str) -> Client:
 
 
 def test_guide_of_brokers_has_the_blocks_that_follow() -> None:
-    kinds = ["sh broker", "conf broker", "conf acl", "toml", "sh try", "toml profile", "toml"]
+    kinds = ["sh broker", "conf broker", "conf acl", "toml", "sh try", "toml requests", "toml profile", "toml"]
     assert [kind for kind, _ in BLOCKS] == kinds
 
 

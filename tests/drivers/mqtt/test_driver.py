@@ -198,6 +198,18 @@ def test_what_the_broker_delivers_is_indicated_with_its_port_and_source(start, h
     assert (second.btp_port, second.source) == (None, "")
 
 
+def test_a_delivery_with_requests_is_a_request_with_its_port_and_no_indication(start, host):
+    _, worker = start(requests=True)
+    worker.message(talk.received(1, ReceivedPdu(CAM, 2001, "car-7")))
+    worker.message(talk.received(2, ReceivedPdu(DENM, None, "")))
+    assert (host.requests, host.pdus) == ([(CAM, 2001), (DENM, None)], [])
+
+
+def test_broker_of_a_url_without_port_is_that_of_the_default_port():
+    driver = Mqtt(MqttOptions(url="mqtts://broker.example"), SHARED)
+    assert driver.capabilities.broker == URL
+
+
 def test_what_the_process_drops_is_counted_by_its_reason_with_a_sample(start, host):
     _, worker = start()
     worker.message(talk.dropped(Reason.PAYLOAD, 40, b"vm(2001): <%%%>", "text in brackets is not base64"))

@@ -57,7 +57,7 @@ def test_an_interface_of_the_name_that_the_interface_processes_have_is_a_mistake
     loaded(folder, TWO_UDP.replace("g5", "ipc"))
 
 
-@pytest.mark.parametrize("name", ["*", "", "from_users", "to_users", "pull", "report", "router"])
+@pytest.mark.parametrize("name", ["*", "", "from_users", "to_users", "pull", "report", "router", "from_brokers"])
 def test_an_interface_whose_name_means_something_else_is_a_mistake(folder: Path, name: str) -> None:
     text = TWO_UDP.replace("interfaces.g5", f'interfaces."{name}"')
     assert f"{name!r} cannot be an interface's name" in mistake(folder, text)

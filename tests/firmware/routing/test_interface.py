@@ -61,6 +61,13 @@ def test_a_pdu_of_this_size_goes_no_further(bench: Bench, size: int, reason: Rea
     assert bench.indicated == [CAM_PDU]
 
 
+@pytest.mark.parametrize("btp_port", [None, 3000])
+def test_request_of_an_application_is_passed_on_with_its_type_and_interface(bench: Bench, btp_port: int | None) -> None:
+    bench.interface.request(CAM_PDU, btp_port)
+    assert bench.above.requests == [("cam", CAM_PDU, "from_brokers", btp_port, bench.interface)]
+    assert (bench.indicated, sum(bench.interface.received)) == ([], 0)
+
+
 def test_an_indication_has_the_quality_of_the_time_when_it_came(bench: Bench) -> None:
     for quality in (TimeQuality(), TimeQuality(Lock.LOCKED, 100, 5000)):
         bench.above.quality = quality
