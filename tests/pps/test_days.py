@@ -1,4 +1,7 @@
-"""A day in virtual time for every fault: seconds that are passed on, and how well the time is known, beside the truth."""
+"""Hours in virtual time for every fault: seconds that are passed on, and how well the time is known, beside the truth.
+
+`make days` plays the whole days.
+"""
 
 from dataclasses import replace
 from functools import cache
@@ -12,10 +15,18 @@ from pps.refused import Why
 from tests.pps.days.__main__ import HEADS, Played, play, row
 from tests.pps.days.account import HOLDOVER, PULSES, Account
 from tests.pps.days.day import Day, Plan
-from tests.pps.days.plans import LOST_S, days, emulated, random_day
+from tests.pps.days.plans import AROUND_S, LOST_S, days, emulated, random_day
 from tests.pps.days.trouble import Kind, Trouble
 
 HOUR = 3_600
+PLAYED_S = 8 * HOUR  # of each day: most faults come every hour or two
+
+
+def begun(plan: Plan) -> Plan:
+    """Return the beginning of a day, with the troubles that end in it. A day with a special midnight stays whole."""
+    if plan.seconds == AROUND_S:
+        return plan
+    return replace(plan, seconds=PLAYED_S, troubles=tuple(one for one in plan.troubles if one.end < PLAYED_S))
 
 
 def played(*troubles: Trouble, seconds: int = HOUR) -> Account:
@@ -26,12 +37,15 @@ def unmet(account: Account) -> list[str]:
     return [goal.what.partition(":")[0] for goal in account.goals() if not goal.is_met]
 
 
+DAYS = [begun(plan) for plan in days()]
+
+
 @cache
 def played_once(name: str) -> Played:
-    return play(next(plan for plan in days() if plan.name == name))
+    return play(next(plan for plan in DAYS if plan.name == name))
 
 
-@pytest.mark.parametrize("plan", days(), ids=lambda plan: plan.name)
+@pytest.mark.parametrize("plan", DAYS, ids=lambda plan: plan.name)
 def test_a_day_passes_on_no_wrong_second_is_back_within_5_s_and_knows_how_well_it_knows_the_time(plan):
     found = played_once(plan.name)
     print(f"\n{HEADS}\n{row(found)}")
@@ -44,15 +58,15 @@ def test_a_day_passes_on_no_wrong_second_is_back_within_5_s_and_knows_how_well_i
 
 def test_over_all_boards_the_bound_is_not_wide():
     together = Account()
-    for plan in days():
+    for plan in DAYS:
         together.add(played_once(plan.name).account)
     assert [f"{goal.what}: {goal.seen}" for goal in together.goals() if not goal.is_met] == []
-    assert all(len(told.errors) > 5_000 for told in together.told.values())
-    assert together.fed > 50
+    assert all(len(told.errors) > 2_000 for told in together.told.values())
+    assert together.fed > 15
 
 
 def test_a_day_of_lateness_that_wanders_is_known_as_well():
-    found = play(emulated())
+    found = play(begun(emulated()))
     print(f"\n{HEADS}\n{row(found)}")
     assert [f"{goal.what}: {goal.seen}" for goal in found.account.goals_of_day() if not goal.is_met] == []
     assert found.account.known[PULSES].usual_bound_ns < 800_000
