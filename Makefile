@@ -55,6 +55,7 @@ check: setup-test ## lint, format, types, imports, construction, plain English
 	@.venv/bin/ruff check
 	@.venv/bin/ruff format --check
 	@.venv/bin/mypy
+	@.venv/bin/mypy --python-version 3.10 -p captain_client
 	@$(PYTEST) tests/test_imports.py
 	@.ci/structure
 	@.ci/construction

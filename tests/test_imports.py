@@ -29,6 +29,7 @@ class Rule(NamedTuple):
 
 
 GATEWAY = "firmware/gateway"  # no other folder may import it
+CLIENT = "firmware/captain_client"  # a distribution of its own, whose root of imports is this folder
 
 # The rule of the longest path that contains a file applies.
 TABLE = {
@@ -127,6 +128,8 @@ TABLE = {
             "setuptools",
         )
     ),
+    # Installed without the rest of the project.
+    CLIENT: Rule(("zmq", "captain_messages", "captain_client")),
     "asn1": Rule(("asn1tools",)),
     "image": Rule(("board.runtime",)),
 }
@@ -249,6 +252,9 @@ def test_a_file_imports_only_what_its_folder_may(path: Path):
         ("firmware/gateway/x.py", "from firmware import topics"),
         ("firmware/gateway/x.py", "from board.runtime.errors import StationError"),
         ("firmware/commands/x.py", "from firmware.gateway import captain_gateway"),
+        ("firmware/captain_client/captain_client/x.py", "from board.runtime.errors import StationError"),
+        ("firmware/captain_client/captain_client/x.py", "from firmware import topics"),
+        ("firmware/x.py", "import captain_client"),
         ("firmware/x.py", "import asn1"),
         ("firmware/x.py", "from firmware.codec import library"),
         ("firmware/config/x.py", "from firmware.station import supervisor"),
@@ -275,6 +281,10 @@ def test_an_import_against_the_table_is_found(path: str, source: str):
         ("drivers/wire/x.py", "import struct\nfrom board.time.scales import Fix\nfrom .. import message"),
         ("drivers/sim/x.py", "import socket\nfrom drivers.wire.geonet.protocol import GeoNetworking"),
         ("firmware/gateway/x.py", "import rclpy.node"),
+        (
+            "firmware/captain_client/captain_client/x.py",
+            "import zmq.asyncio\nfrom captain_client.errors import StationError",
+        ),
     ],
 )
 def test_an_import_within_the_table_is_allowed(path: str, source: str):

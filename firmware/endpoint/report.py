@@ -96,6 +96,7 @@ class Report:
         self._waiting: deque[Callable[[], tuple[bytes, bytes]]] = deque()  # functions that return topic and body
         self._due, self._timer = math.inf, Timer(math.inf, self._tell)  # time of the next publication
         self._is_status_wanted = False
+        self._is_status_due = False
         self._is_time_wanted = False
         self._said = loop.clock()
 
@@ -103,10 +104,19 @@ class Report:
         self._loop.every(PERIOD_S, self._tick)
 
     def status_interest(self, is_wanted: bool) -> None:
-        """Start the status reports at the first subscription, with one at once; stop them after the last one."""
+        """Start the status reports at the first subscription, stop them after the last one.
+
+        Each new subscription gets a status at once, or AT_ONCE_S after the previous one: it shows the subscriber that
+        its subscriptions have arrived.
+        """
         self._is_status_wanted = is_wanted
-        if is_wanted and self._loop.clock() >= self._said + AT_ONCE_S:
+        if not is_wanted or self._is_status_due:
+            return
+        if (wait_s := self._said + AT_ONCE_S - self._loop.clock()) <= 0.0:
             self._say()
+        else:
+            self._is_status_due = True
+            self._loop.after(wait_s, self._say_late)
 
     def time_interest(self, is_wanted: bool) -> None:
         """Start the time reports at the first subscription, with the next second; stop them after the last one."""
@@ -124,6 +134,11 @@ class Report:
         self._refresh()
         if self._is_time_wanted:
             self._publisher.publish(TIME, json.dumps(self._time_status()).encode())
+        if self._is_status_wanted:
+            self._say()
+
+    def _say_late(self) -> None:
+        self._is_status_due = False
         if self._is_status_wanted:
             self._say()
 

@@ -13,8 +13,8 @@ from typing import NamedTuple
 FOLDERS = ("board", "drivers", "firmware", "pps")
 # Data files that our modules read.
 DATA = ("board/boards/*.toml", "drivers/mqtt/profiles/*.toml", "firmware/*.json", "firmware/meter/assets/*")
-# Packages for hosts with ROS, where they are installed; captain never imports them.
-GATEWAY = "firmware/gateway"
+# Packages that captain never imports: those for hosts with ROS, and the client of users' programs.
+APART = ("firmware/gateway", "firmware/captain_client")
 SCRIPT = "firmware/__main__.py"
 OPTIMIZATION = 2  # without docstrings and assertions
 
@@ -38,7 +38,7 @@ def sources(root: Path) -> Iterator[Path]:
     """Yield the files of our modules in sorted order, because marshal's output depends on the order."""
     for folder in FOLDERS:
         found = sorted((root / folder).rglob("*.py"))
-        yield from (path for path in found if root / GATEWAY not in path.parents)
+        yield from (path for path in found if not {root / place for place in APART} & set(path.parents))
 
 
 def name(place: Path) -> str:

@@ -75,6 +75,7 @@ def test_the_counters_are_refreshed_once_a_second_and_no_status_is_made_for_nobo
 
 
 def test_the_status_comes_once_a_second_while_somebody_listens(bench: Bench) -> None:
+    bench.loop.run_for(AT_ONCE_S)
     bench.report.start()
     bench.report.status_interest(True)
     bench.publisher.said.clear()
@@ -99,8 +100,16 @@ def test_a_thousand_subscriptions_at_once_make_few_statuses(bench: Bench) -> Non
         bench.report.status_interest(True)
     assert len(bench.publisher.said) == 1
     bench.loop.run_for(AT_ONCE_S)
-    bench.report.status_interest(True)
     assert len(bench.publisher.said) == 2
+
+
+def test_status_that_is_due_is_not_published_after_its_last_subscriber_has_left(bench: Bench) -> None:
+    bench.loop.run_for(AT_ONCE_S)
+    bench.report.status_interest(True)
+    bench.report.status_interest(True)
+    bench.report.status_interest(False)
+    bench.loop.run_for(AT_ONCE_S)
+    assert len(bench.publisher.said) == 1
 
 
 def test_an_accepted_request_names_its_interfaces(bench: Bench) -> None:

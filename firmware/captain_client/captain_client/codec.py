@@ -1,0 +1,118 @@
+"""Message library: imports `captain_messages` on demand, and finds the edition of a received message."""
+
+import json
+import re
+from collections.abc import Sequence
+from functools import cache
+from typing import Any, Protocol
+
+from captain_client.errors import StationError
+
+INSTALL = "install the wheel captain-messages; `make wheels` builds it, and a checkout has it in .venv"
+
+
+class Edition(Protocol):
+    """Message of one edition in the library; asn1/guide/python-functions.md describes it."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def type(self) -> str: ...
+    @property
+    def ids(self) -> Sequence[int]: ...
+    @property
+    def versions(self) -> Sequence[int]: ...
+    @property
+    def short_names(self) -> dict[str, str]: ...
+
+    def view(self, octets: bytes, /) -> Any: ...
+    def validate(self, value: bytes, /) -> None: ...
+    def to_json(self, octets: bytes, /, *, plain: bool = False) -> str: ...
+    def leaves(self, octets: bytes, /) -> tuple[bytes, int]: ...
+
+
+class Decoded:
+    """Received PDU in the edition that fits best.
+
+    Raises StationError if the library is missing, no edition has the header of the PDU, or the PDU does not decode.
+    """
+
+    def __init__(self, pdu: bytes, kind: str) -> None:
+        fits = _of_header().get(pdu[:2], [])
+        if not fits:
+            raise StationError(f"{kind or 'message'}: unknown protocolVersion or messageID: {pdu[:2].hex()}")
+        self._pdu = pdu
+        self.edition = fits[0] if len(fits) == 1 else min(fits, key=lambda one: _misfit(one, pdu, kind))
+        try:
+            self.view = self.edition.view(pdu)
+            self._exact = self.edition.to_json(pdu)
+        except (ValueError, MemoryError) as error:
+            raise StationError(f"{self.edition.name}: {error}") from error
+
+    def exact(self) -> dict[str, Any]:
+        """Return the message with the integers of the standard: the dialect `json`."""
+        return _object(self._exact)
+
+    def plain(self) -> dict[str, Any]:
+        """Return the message in SI units, degrees and names: the dialect `plain`."""
+        return _object(self.edition.to_json(self._pdu, plain=True))
+
+    def path(self, name: str) -> str:
+        """Return the path of a short name; a path is returned unchanged. Raises StationError for an unknown name."""
+        if "." in name:
+            return name
+        names = self.edition.short_names
+        if name not in names:
+            raise StationError(f"{self.edition.name}: unknown name: {name}", f"a path, or one of {', '.join(names)}")
+        return names[name]
+
+
+def value_at(value: Any, path: str) -> Any:
+    """Return the component at a path such as `cam.camParameters.x[0].y`; None if it is absent."""
+    for step in path.replace("[", ".").replace("]", "").split("."):
+        if isinstance(value, dict):
+            value = value.get(step)
+        elif isinstance(value, list) and step.isdecimal() and int(step) < len(value):
+            value = value[int(step)]
+        else:
+            return None
+    return value
+
+
+def _object(text: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(text)
+    return found
+
+
+@cache
+def _of_header() -> dict[bytes, list[Edition]]:
+    """Return the editions by the first two octets of their PDUs, preferred ones first."""
+    try:
+        import captain_messages
+    except ImportError as error:
+        raise StationError("the message library captain_messages is not installed", INSTALL) from error
+    found: dict[bytes, list[Edition]] = {}
+    editions: Sequence[Edition] = captain_messages.all()
+    for one in editions:
+        for version in one.versions:
+            for number in one.ids:
+                found.setdefault(bytes((version, number)), []).append(one)
+    return found
+
+
+def _misfit(edition: Edition, pdu: bytes, kind: str) -> tuple[bool, bool, int, bool]:
+    """Return a sort key of an edition: the least one fits the PDU best.
+
+    The best edition has the type of the envelope and decodes the PDU. It knows most parts of the PDU, and all its
+    constraints hold.
+    """
+    is_other = re.sub(r"[.-]", "_", edition.type) != kind
+    try:
+        _, unknown = edition.leaves(pdu)
+    except (ValueError, MemoryError):
+        return is_other, True, 0, True
+    try:
+        edition.validate(pdu)
+    except (ValueError, MemoryError):
+        return is_other, False, unknown, True
+    return is_other, False, unknown, False

@@ -1,0 +1,212 @@
+"""Requests of one client, from sending to the last confirm.
+
+A request is open until the station has refused it, or each of its interfaces has sent or dropped it. It also ends if
+the station is restarted: a new run of the station never confirms requests of the former one.
+"""
+
+import json
+import os
+import re
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from captain_client.errors import RefusedError, UnconfirmedError
+from captain_client.reports import object_of
+
+MOST_OPEN = 10_000  # open requests: far above what a station confirms in a second
+MOST_OCTETS = 0xFFFF  # libzmq in the station ends the connection at a longer frame, and the message is lost
+FORMS = ("json", "plain")
+STATUS = b"status."
+TYPE = re.compile(r"[a-z0-9_]*")
+
+
+class Confirmed(NamedTuple):
+    """Outcome of a request that at least one interface has sent.
+
+    type     message type.
+    digest   first 16 hexadecimal digits of the SHA-256 of the PDU.
+    sent     interfaces that have sent it.
+    dropped  drop reason of each interface that has not.
+    """
+
+    type: str
+    digest: str
+    sent: tuple[str, ...]
+    dropped: dict[str, str]
+
+
+class Outgoing(NamedTuple):
+    """Request to send: envelope, PDU or JSON object, and options."""
+
+    envelope: bytes
+    body: bytes
+    options: dict[str, Any]
+
+
+def outgoing(
+    kind: str, value: Any, form: str, edition: str, options: Mapping[str, Any] | None, fields: Mapping[str, Any]
+) -> Outgoing:
+    """Return a request.
+
+    kind     message type, as in envelopes; empty: the station reads the type from the PDU.
+    value    PDU in octets, message as a dict, or None: the message consists of `fields`.
+    form     dialect of a dict: "plain" (SI units, names; the default) or "json" (integers of the standard).
+    edition  edition of the message; empty: the preferred one of the type.
+    fields   values by short name or path, in the plain dialect.
+
+    Raises ValueError if the arguments contradict one another, or the request is too long.
+    """
+    envelope = f"v2x.{_type(kind)}." if kind else "v2x."
+    asked = dict(options or {})
+    if isinstance(value, bytes | bytearray | memoryview):
+        if form or edition or fields:
+            raise ValueError("octets have no form, edition or fields; give a dict or fields in place of them")
+        body = bytes(value)
+    else:
+        if value is not None and fields:
+            raise ValueError("a message and fields; give one of both")
+        if form and form not in FORMS:
+            raise ValueError(f"form: {form!r}: unknown; {' or '.join(FORMS)}")
+        asked["form"] = form or "plain"
+        told = {"edition": edition} if edition else {}
+        content = {"fields": dict(fields)} if value is None else {"message": value}
+        body = json.dumps({**told, **content}, allow_nan=False).encode()
+    if len(body) > MOST_OCTETS:
+        raise ValueError(f"{len(body)} octets; at most {MOST_OCTETS}")
+    return Outgoing(envelope.encode(), body, asked)
+
+
+def _type(kind: str) -> str:
+    if not TYPE.fullmatch(kind):
+        raise ValueError(f"{kind!r}: invalid message type; lower case, such as cam")
+    return kind
+
+
+class Request:
+    """One request and the confirms that came for it.
+
+    label    label in its confirms.
+    sent_s   time at which it was sent, in seconds of the client's clock.
+    is_over  the outcome is known, or cannot become known.
+    """
+
+    __slots__ = ("_confirms", "_ended", "_expected", "is_over", "kind", "label", "sent_s")
+
+    def __init__(self, label: str, kind: str, sent_s: float) -> None:
+        self.label = label
+        self.kind = kind or "message"
+        self.sent_s = sent_s
+        self.is_over = False
+        self._confirms: dict[str, dict[str, Any]] = {}  # last confirm by interface; "" for a refusal of the station
+        self._expected: set[str] | None = None  # interfaces that must confirm it; None before the station's confirm
+        self._ended = ""  # reason why no further confirm can come
+
+    def feed(self, confirm: dict[str, Any]) -> None:
+        """Take a confirm with the label of this request."""
+        outcome = confirm.get("outcome")
+        if outcome == "accepted":
+            self._expected = set(map(str, confirm.get("interfaces") or ()))
+        else:
+            self._confirms[str(confirm.get("interface") or "")] = confirm
+            if outcome == "refused":
+                self._expected = set()
+        self.is_over = self._expected is not None and self._expected <= self._confirms.keys()
+
+    def end(self, why: str) -> None:
+        """End the request without an outcome."""
+        self._ended = why
+        self.is_over = True
+
+    def outcome(self) -> Confirmed:
+        """Return the outcome.
+
+        Raises RefusedError if the station refused the request or no interface sent it, and UnconfirmedError if
+        confirms are missing.
+        """
+        sent = {name: one for name, one in self._confirms.items() if one.get("outcome") == "sent"}
+        others = {name: one for name, one in self._confirms.items() if name not in sent}
+        if not self.is_over or self._ended:
+            raise UnconfirmedError(f"{self.kind}: {self._ended or self._missing()}", "it may have been sent")
+        if not sent:
+            raise _refused(self.kind, next(iter(others.values()), {}))
+        kind, digest = next((str(one.get("type", "")), str(one.get("digest", ""))) for one in sent.values())
+        return Confirmed(kind, digest, tuple(sent), {name: str(one.get("reason", "")) for name, one in others.items()})
+
+    def _missing(self) -> str:
+        if self._expected is None:
+            return "no confirm of the station"
+        return f"no confirm of {', '.join(sorted(self._expected - self._confirms.keys()))}"
+
+
+def _refused(kind: str, confirm: Mapping[str, Any]) -> RefusedError:
+    reason, detail, meaning = (str(confirm.get(key) or "") for key in ("reason", "detail", "meaning"))
+    where = f"dropped by {confirm['interface']}" if confirm.get("interface") else "refused"
+    invalid = confirm.get("invalid") or ()
+    told = f"{kind}: {where}: {reason}: {detail or meaning}"
+    return RefusedError(told, meaning if detail else "", reason, detail, invalid)
+
+
+class Requests:
+    """Open requests by label. The oldest one ends as unconfirmed when more than `most` are open.
+
+    run  identifier of the station's run; None before the first status.
+    """
+
+    def __init__(self, most: int = MOST_OPEN) -> None:
+        self.run: str | None = None
+        self._open: dict[str, Request] = {}
+        self._most = most
+        self._token = os.urandom(4).hex()  # clients of one station must not have equal labels
+        self._count = 0
+
+    def __len__(self) -> int:
+        return len(self._open)
+
+    def open(self, kind: str, out: Outgoing, now: float) -> tuple[Request, list[bytes]]:
+        """Return a new open request, sent at `now` in seconds of the client's clock, and its frames.
+
+        Raises ValueError if a request with its label is open.
+        """
+        self._count += 1
+        label = str(out.options.get("label") or f"{self._token}-{self._count}")
+        if label in self._open:
+            raise ValueError(f"label: {label!r}: a request with this label is open")
+        options = json.dumps({**out.options, "label": label}, allow_nan=False).encode()
+        if len(self._open) >= self._most:
+            self._open.pop(next(iter(self._open))).end(f"more than {self._most} requests are open")
+        request = self._open[label] = Request(label, kind, now)
+        return request, [out.envelope, out.body, options]
+
+    def forget(self, request: Request) -> None:
+        """Remove a request that was not sent."""
+        self._open.pop(request.label, None)
+
+    def report(self, frames: list[bytes], now: float) -> list[Request]:
+        """Take a confirm or a status, received at `now`. Return the requests that it ends."""
+        told = object_of(frames)
+        if told is None:
+            return []
+        return self._status(told, now) if frames[0] == STATUS else self._confirm(told)
+
+    def _confirm(self, confirm: dict[str, Any]) -> list[Request]:
+        request = self._open.get(str(confirm.get("label")))
+        if request is None:  # another user sent it
+            return []
+        request.feed(confirm)
+        return [self._open.pop(request.label)] if request.is_over else []
+
+    def _status(self, status: Mapping[str, Any], now: float) -> list[Request]:
+        """End the requests of a former run.
+
+        Requests sent after the start of the new run stay open, because their confirms may still come.
+        """
+        run, uptime_s = str(status.get("run", "")), status.get("uptime_s")
+        former, self.run = self.run, run
+        if former is None or run == former:
+            return []
+        started = now - uptime_s if isinstance(uptime_s, int | float) else now
+        ended = [one for one in self._open.values() if one.sent_s < started]
+        for one in ended:
+            del self._open[one.label]
+            one.end("the station was restarted")
+        return ended

@@ -1,0 +1,50 @@
+"""Options of the client's ZeroMQ sockets, and the cause if no station answers."""
+
+from typing import Any
+
+import zmq
+
+from captain_client.address import Address
+from captain_client.errors import UnreachableError
+
+ANSWER_S = 3.0  # a station sends a status once a second: after three missing ones it counts as absent
+# Messages that libzmq queues for a slow program: 10 s at 1,000 per second. Confirms and statuses of an idle program
+# take at most 1,000 places, some 2 MB.
+HIGH_WATER, HIGH_WATER_OF_REPORTS = 10_000, 1_000
+MOST_OCTETS = 1 << 20  # longest frame; a status of a hundred interfaces has 100 kB
+# ZMTP heartbeats detect a station that has lost its power or network: TCP does not notice.
+HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 1_000, 3_000
+CONFIRM = b"confirm."
+
+
+def connect(end: "zmq.Socket[Any]", address: Address, port: int, *topics: bytes, most: int = HIGH_WATER) -> None:
+    """Set the options of a SUB or PUSH socket, subscribe it to topics, and connect it in the background.
+
+    Raises ValueError if the host name is invalid.
+    """
+    end.set(zmq.RCVHWM, most)
+    end.set(zmq.LINGER, 0)
+    end.set(zmq.MAXMSGSIZE, MOST_OCTETS)
+    end.set(zmq.IPV6, 1)
+    end.set(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)
+    end.set(zmq.HEARTBEAT_TIMEOUT, HEARTBEAT_TIMEOUT_MS)
+    end.set(zmq.HEARTBEAT_TTL, HEARTBEAT_TIMEOUT_MS)
+    if end.type == zmq.PUSH:
+        end.set(zmq.IMMEDIATE, 1)  # accept messages only while connected: queued ones would be lost with the process
+    for topic in topics:
+        end.set(zmq.SUBSCRIBE, topic)
+    try:
+        end.connect(address.url(port))
+    except zmq.ZMQError as error:
+        raise ValueError(f"{address.host!r}: invalid host: {error}") from error
+
+
+def topics_of(kind: str, *names: str) -> tuple[bytes, ...]:
+    """Return the topics of a kind of report, such as `message`, by name; all of the kind without names."""
+    return tuple(f"{kind}.{name}.".encode() for name in names) or (f"{kind}.".encode(),)
+
+
+def unreachable(address: Address, port: int, why: str) -> UnreachableError:
+    """Return the error for a port without a station. why: error of a TCP connection; empty if the port is open."""
+    what = f"no station answers at {address.host}:{port}: {why or 'the port is open, but not that of a station'}"
+    return UnreachableError(what, "start one with `captain run`, or give HOST:PORT, with the first of its four ports")

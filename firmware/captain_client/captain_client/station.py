@@ -1,0 +1,331 @@
+"""Station: blocking client for one program, without threads.
+
+with Station() as box:
+    box.send("cam", speed=13.9).confirmed()
+    for message in box.listen("denm"):
+        print(message.station, message.get("cause"))
+"""
+
+import socket
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from types import TracebackType
+from typing import Any, Generic, TypeVar
+
+import zmq
+
+from captain_client import control
+from captain_client.address import Address, parse
+from captain_client.errors import UnreachableError
+from captain_client.message import Message
+from captain_client.reception import Reception, Tally
+from captain_client.reports import Frame, frame_of, object_of
+from captain_client.requests import STATUS, Confirmed, Request, Requests, outgoing
+from captain_client.sockets import (
+    ANSWER_S,
+    CONFIRM,
+    HIGH_WATER_OF_REPORTS,
+    connect,
+    topics_of,
+    unreachable,
+)
+
+T = TypeVar("T")
+AT_ONCE = 256  # confirms that are read before the program goes on
+
+
+class Station:
+    """Connection to one station. Use it in one thread. It reconnects by itself when the station is restarted.
+
+    address    `HOST`, `HOST:PORT`, `:PORT` or `[V6]:PORT` with the first of the station's four ports, or an Address;
+               default: 127.0.0.1:5555.
+    timeout_s  seconds to wait for the station, here and in send().
+    control    path of the control socket, for trigger() and reload_policy(); empty: the default path.
+
+    Raises UnreachableError if no station answers within timeout_s, and ValueError for an invalid address.
+    """
+
+    def __init__(self, address: str | Address = "", *, timeout_s: float = ANSWER_S, control: str = "") -> None:
+        self.address = parse(address) if isinstance(address, str) else address
+        self._timeout_s = timeout_s
+        self._control = control
+        self._tally = Tally()
+        self._requests = Requests()
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        try:
+            self._reports = self._context.socket(zmq.SUB)
+            connect(self._reports, self.address, self.address.report, CONFIRM, STATUS, most=HIGH_WATER_OF_REPORTS)
+            self._push = self._context.socket(zmq.PUSH)
+            connect(self._push, self.address, self.address.pull)
+            self._join()
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> "Station":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close all sockets. Messages that libzmq has not yet written are discarded: wait for confirmed() before."""
+        self._context.destroy(linger=0)
+
+    # -- sending
+
+    def send(
+        self,
+        kind: str,
+        message: bytes | bytearray | memoryview | Mapping[str, Any] | None = None,
+        /,
+        *,
+        form: str = "",
+        edition: str = "",
+        options: Mapping[str, Any] | None = None,
+        **fields: Any,
+    ) -> "Sent":
+        """Send a message: fields, a dict, or the octets of a PDU.
+
+        kind     message type, such as `cam`; empty for octets and dicts with a header: the station reads their type.
+        message  PDU in octets, or message as a dict; without it, the station sets `fields` in its example of the type.
+        form     dialect of the dict: "plain" (SI units, the default) or "json" (integers of the standard).
+        edition  edition of the message, such as `cam-1.4.1`; default: the preferred one of the type.
+        options  options of one message: lifetime_s, interfaces, priority, ... (firmware/guide/endpoint.md).
+        fields   values by short name, such as speed=13.9, or by path.
+
+        Raises ValueError for contradictory arguments, and UnreachableError if the station does not take the message
+        within the timeout of the constructor. The station's own refusal is raised by confirmed().
+        """
+        out = outgoing(kind, message, form, edition, options, fields)
+        deadline = time.monotonic() + self._timeout_s
+        self._take_reports()
+        while self._push.poll(_ms(deadline), zmq.POLLOUT):
+            request, frames = self._requests.open(kind, out, time.monotonic())
+            try:
+                self._push.send_multipart(frames, zmq.NOBLOCK)
+            except zmq.Again:  # the connection has ended meanwhile
+                self._requests.forget(request)
+                continue
+            return Sent(self, request)
+        raise self._unreachable(self.address.pull)
+
+    def wait_for(self, request: Request, timeout_s: float) -> None:
+        """Read confirms until a request is over, at most timeout_s seconds."""
+        deadline = time.monotonic() + timeout_s
+        self._take_reports()
+        while not request.is_over and self._reports.poll(_ms(deadline)):
+            self._take_reports()
+
+    # -- receiving
+
+    def listen(self, *types: str, timeout_s: float | None = None) -> "Subscription[Message]":
+        """Return an iterator over received messages. The subscription has reached the station when it returns.
+
+        types      message types, such as `cam`; default: all.
+        timeout_s  end the iteration if no message arrives for this time in seconds; default: wait without limit.
+
+        Raises UnreachableError like the constructor.
+        """
+        return Subscription(self, topics_of("message", *types), Reception(self._tally).read, timeout_s)
+
+    def indications(self, *types: str, timeout_s: float | None = None) -> "Subscription[dict[str, Any]]":
+        """Return an iterator over indications: the receptions of each interface, duplicates included.
+
+        Raises UnreachableError like the constructor.
+        """
+        return Subscription(self, topics_of("indication", *types), object_of, timeout_s)
+
+    def confirms(self, *types: str, timeout_s: float | None = None) -> "Subscription[dict[str, Any]]":
+        """Return an iterator over the confirms of all users' requests. Raises UnreachableError like the constructor."""
+        return Subscription(self, topics_of("confirm", *types), object_of, timeout_s)
+
+    def frames(self, *interfaces: str, timeout_s: float | None = None) -> "Subscription[Frame]":
+        """Return an iterator over frames that come and leave. Raises UnreachableError like the constructor."""
+        return Subscription(self, topics_of("frame", *interfaces), frame_of, timeout_s)
+
+    def status(self) -> dict[str, Any]:
+        """Return the station's status. Raises UnreachableError if none arrives within ANSWER_S."""
+        return self._next(STATUS)
+
+    def time(self) -> dict[str, Any]:
+        """Return the next object of topic `time.`, which the station sends once a second.
+
+        Raises UnreachableError if none arrives within ANSWER_S.
+        """
+        return self._next(b"time.")
+
+    @property
+    def missed(self) -> int:
+        """Number of messages that all iterators of listen() have missed."""
+        return self._tally.missed
+
+    @property
+    def malformed(self) -> int:
+        """Number of malformed reports, which were skipped."""
+        return self._tally.malformed
+
+    # -- commands
+
+    def trigger(self, text: str) -> None:
+        """Tell the recorder to keep its recent recording. text: reason.
+
+        Raises RefusedError if the station has no recorder, and StationError if it is not on this machine.
+        """
+        control.ask(control.path_of(self.address, self._control), "record", text=text)
+
+    def reload_policy(self) -> None:
+        """Tell the station to read its policy again, from its configuration.
+
+        Raises RefusedError if the configuration is invalid, and StationError if the station is not on this machine.
+        """
+        control.ask(control.path_of(self.address, self._control), "reload", control.RELOAD_S)
+
+    # -- sockets
+
+    def subscribe(self, topics: tuple[bytes, ...]) -> "zmq.Socket[bytes]":
+        """Return a new SUB socket, connected in the background to the report port, with a subscription to a status."""
+        end = self._context.socket(zmq.SUB)
+        connect(end, self.address, self.address.report, *topics, STATUS)
+        return end
+
+    def receive(self, end: "zmq.Socket[bytes]", timeout_s: float | None) -> list[bytes] | None:
+        """Return the next message of a socket; None after the timeout in seconds. Reads confirms meanwhile."""
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        poller = zmq.Poller()
+        poller.register(end, zmq.POLLIN)
+        poller.register(self._reports, zmq.POLLIN)
+        while ready := dict(poller.poll(None if deadline is None else _ms(deadline))):
+            if self._reports in ready:
+                self._take_reports()
+            if end in ready:
+                return end.recv_multipart()
+        return None
+
+    def first_status(self, end: "zmq.Socket[bytes]") -> Iterator[list[bytes]]:
+        """Yield messages of a new socket, up to the first status, which proves its subscriptions.
+
+        Raises UnreachableError if no status comes within the timeout of the constructor.
+        """
+        deadline = time.monotonic() + self._timeout_s
+        while (frames := self.receive(end, deadline - time.monotonic())) is not None:
+            yield frames
+            if frames[0] == STATUS:
+                return
+        raise self._unreachable(self.address.report)
+
+    def _join(self) -> None:
+        """Wait for the first status, and for the connection to the PULL port."""
+        deadline = time.monotonic() + self._timeout_s
+        while self._requests.run is None:
+            if not self._reports.poll(_ms(deadline)):
+                raise self._unreachable(self.address.report)
+            self._take_reports()
+        if not self._push.poll(_ms(deadline), zmq.POLLOUT):
+            raise self._unreachable(self.address.pull)
+
+    def _take_reports(self) -> None:
+        """Give the confirms and statuses that have arrived to the open requests."""
+        for _ in range(AT_ONCE):
+            try:
+                frames = self._reports.recv_multipart(zmq.NOBLOCK)
+            except zmq.Again:
+                return
+            self._requests.report(frames, time.monotonic())
+
+    def _next(self, topic: bytes) -> dict[str, Any]:
+        with Subscription(self, (topic,), object_of, ANSWER_S) as reports:
+            for report in reports:
+                return report
+        raise self._unreachable(self.address.report)
+
+    def _unreachable(self, port: int) -> UnreachableError:
+        try:
+            socket.create_connection((self.address.host, port), 0.5).close()
+        except (OSError, UnicodeError) as error:  # UnicodeError: an invalid host name
+            return unreachable(self.address, port, getattr(error, "strerror", None) or str(error))
+        return unreachable(self.address, port, "")
+
+
+class Sent:
+    """Message that was given to the station.
+
+    label  label in its confirms.
+    """
+
+    def __init__(self, station: Station, request: Request) -> None:
+        self.label = request.label
+        self._station = station
+        self._request = request
+
+    def confirmed(self, timeout_s: float = ANSWER_S) -> Confirmed:
+        """Wait until each interface has confirmed the message. Return the interfaces that sent it.
+
+        Raises RefusedError if the station refused it or no interface sent it, and UnconfirmedError after timeout_s
+        seconds, or if the station was restarted meanwhile.
+        """
+        self._station.wait_for(self._request, timeout_s)
+        return self._request.outcome()
+
+
+class Subscription(Generic[T]):
+    """Iterator over the reports of some topics. Close it, or leave its `with` block, to end the subscription.
+
+    The subscription has reached the station when the constructor returns.
+
+    read       returns the object of a report; None for a malformed one, which is skipped.
+    timeout_s  end the iteration if no report arrives for this time in seconds; None: no limit.
+
+    Raises UnreachableError like Station.
+    """
+
+    def __init__(
+        self,
+        station: Station,
+        topics: tuple[bytes, ...],
+        read: Callable[[list[bytes]], T | None],
+        timeout_s: float | None,
+    ) -> None:
+        self._station = station
+        self._topics = topics
+        self._read = read
+        self._timeout_s = timeout_s
+        self._socket = station.subscribe(topics)
+        self._early = deque(station.first_status(self._socket))
+        if STATUS not in topics:
+            self._socket.unsubscribe(STATUS)
+
+    def __del__(self) -> None:
+        self.close()  # `for message in box.listen()` leaves it to the collector
+
+    def __iter__(self) -> "Subscription[T]":
+        return self
+
+    def __next__(self) -> T:
+        while (frames := self._take()) is not None:
+            if frames[0].startswith(self._topics) and (found := self._read(frames)) is not None:
+                return found
+        raise StopIteration
+
+    def __enter__(self) -> "Subscription[T]":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the subscription."""
+        self._socket.close()
+
+    def _take(self) -> list[bytes] | None:
+        return self._early.popleft() if self._early else self._station.receive(self._socket, self._timeout_s)
+
+
+def _ms(deadline: float) -> int:
+    """Return the milliseconds until a deadline, rounded up; 0 after it."""
+    return max(0, int((deadline - time.monotonic()) * 1000) + 1) if deadline > time.monotonic() else 0

@@ -1,0 +1,173 @@
+"""Requests of a client: frames to the station, confirms, restarts."""
+
+import json
+from typing import Any
+
+import pytest
+
+from captain_client.errors import RefusedError, UnconfirmedError
+from captain_client.requests import Confirmed, Request, Requests, outgoing
+
+PDU = bytes.fromhex("0202000000070102")
+INVALID = [{"path": "cam.x", "problem": "missing: 0 to 255", "value": None}]
+
+
+def opened(requests: Requests, now: float = 0.0, **options: Any) -> Request:
+    return requests.open("cam", outgoing("cam", PDU, "", "", options, {}), now)[0]
+
+
+def feed(requests: Requests, request: Request, outcome: str, **more: Any) -> list[Request]:
+    """Give the confirm of a request to the requests, as the station publishes it."""
+    told = {"label": request.label, "type": "cam", "digest": "8bf6d42855cc559f", "outcome": outcome, **more}
+    return requests.report([b"confirm.cam.", json.dumps(told).encode()], 0.0)
+
+
+def status(requests: Requests, run: str, uptime_s: float, now: float) -> list[Request]:
+    return requests.report([b"status.", json.dumps({"run": run, "uptime_s": uptime_s}).encode()], now)
+
+
+# -- frames
+
+
+@pytest.mark.parametrize(
+    ("arguments", "body", "options"),
+    [
+        ((PDU, "", "", None, {}), PDU, {}),
+        ((bytearray(PDU), "", "", {"lifetime_s": 2.0}, {}), PDU, {"lifetime_s": 2.0}),
+        ((None, "", "", None, {"speed": 13.9}), {"fields": {"speed": 13.9}}, {"form": "plain"}),
+        ((None, "", "cam-1.4.1", None, {}), {"edition": "cam-1.4.1", "fields": {}}, {"form": "plain"}),
+        (({"cam": {}}, "", "", None, {}), {"message": {"cam": {}}}, {"form": "plain"}),
+        (({"cam": {}}, "json", "cam", None, {}), {"edition": "cam", "message": {"cam": {}}}, {"form": "json"}),
+    ],
+)
+def test_request_becomes_envelope_body_and_options_with_a_label(arguments: Any, body: Any, options: Any):
+    request, (envelope, sent, told) = Requests().open("cam", outgoing("cam", *arguments), 0.0)
+    assert envelope == b"v2x.cam."
+    assert (sent if isinstance(body, bytes) else json.loads(sent)) == body
+    assert json.loads(told) == {**options, "label": request.label}
+
+
+def test_request_without_a_type_leaves_the_type_to_the_station():
+    assert outgoing("", PDU, "", "", None, {}).envelope == b"v2x."
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "form", "edition", "fields"),
+    [
+        ("CAM", PDU, "", "", {}),
+        ("cam.", PDU, "", "", {}),
+        ("cam", PDU, "plain", "", {}),
+        ("cam", PDU, "", "cam-1.4.1", {}),
+        ("cam", PDU, "", "", {"speed": 1}),
+        ("cam", {"cam": {}}, "", "", {"speed": 1}),
+        ("cam", {"cam": {}}, "xml", "", {}),
+        ("cam", None, "", "", {"speed": float("nan")}),
+        ("cam", bytes(65_536), "", "", {}),
+    ],
+)
+def test_request_with_contradictory_arguments_raises_value_error(
+    kind: str, value: Any, form: str, edition: str, fields: dict[str, Any]
+):
+    with pytest.raises(ValueError, match=r"type|form|fields|JSON|octets"):
+        outgoing(kind, value, form, edition, None, fields)
+
+
+def test_label_of_the_user_is_kept_and_may_be_open_once():
+    requests = Requests()
+    assert opened(requests, label="first").label == "first"
+    with pytest.raises(ValueError, match="first"):
+        opened(requests, label="first")
+
+
+# -- confirms
+
+
+def test_request_is_over_when_each_interface_has_confirmed_it():
+    requests = Requests()
+    request = opened(requests)
+    assert feed(requests, request, "accepted", interfaces=["g5", "v2n"]) == []
+    assert feed(requests, request, "sent", interface="g5") == []
+    assert feed(requests, request, "dropped", interface="v2n", reason="link-down") == [request]
+    assert request.outcome() == Confirmed("cam", "8bf6d42855cc559f", ("g5",), {"v2n": "link-down"})
+    assert len(requests) == 0
+
+
+def test_request_that_an_interface_confirms_first_is_not_over_before_the_station_accepts_it():
+    requests = Requests()
+    request = opened(requests)
+    assert feed(requests, request, "sent", interface="g5") == []
+    assert feed(requests, request, "accepted", interfaces=["g5"]) == [request]
+
+
+def test_refused_request_raises_reason_detail_and_all_faults():
+    requests = Requests()
+    request = opened(requests)
+    feed(requests, request, "refused", reason="bad-json", meaning="not a message", detail="cam.x", invalid=INVALID)
+    with pytest.raises(RefusedError, match=r"cam: refused: bad-json: cam\.x") as refused:
+        request.outcome()
+    error = refused.value
+    assert (error.reason, error.detail, error.hint) == ("bad-json", "cam.x", "not a message")
+    assert error.invalid == tuple(INVALID)
+
+
+def test_request_that_each_interface_drops_raises_refused():
+    requests = Requests()
+    request = opened(requests)
+    feed(requests, request, "accepted", interfaces=["g5"])
+    feed(requests, request, "dropped", interface="g5", reason="expired", meaning="too old", detail="")
+    with pytest.raises(RefusedError, match="cam: dropped by g5: expired: too old"):
+        request.outcome()
+
+
+@pytest.mark.parametrize(
+    ("confirms", "missing"),
+    [([], "no confirm of the station"), ([("accepted", {"interfaces": ["b", "a"]})], "no confirm of a, b")],
+)
+def test_request_without_all_confirms_raises_unconfirmed_and_names_the_missing_ones(confirms: Any, missing: str):
+    requests = Requests()
+    request = opened(requests)
+    for outcome, more in confirms:
+        feed(requests, request, outcome, **more)
+    with pytest.raises(UnconfirmedError, match=missing):
+        request.outcome()
+
+
+@pytest.mark.parametrize(
+    "frames",
+    [[b"confirm.cam."], [b"confirm.cam.", b"no JSON"], [b"confirm.cam.", b"[]"], [b"confirm.cam.", b'{"label": 7}']],
+)
+def test_malformed_confirm_and_one_of_another_user_end_no_request(frames: list[bytes]):
+    requests = Requests()
+    opened(requests)
+    assert requests.report(frames, 0.0) == []
+    assert len(requests) == 1
+
+
+def test_oldest_request_ends_as_unconfirmed_beyond_the_limit():
+    requests = Requests(most=2)
+    oldest, *_ = [opened(requests) for _ in range(3)]
+    assert len(requests) == 2
+    with pytest.raises(UnconfirmedError, match="more than 2 requests are open"):
+        oldest.outcome()
+
+
+# -- restarts
+
+
+def test_new_run_ends_the_requests_of_the_former_run_at_once():
+    requests = Requests()
+    status(requests, "first", 60.0, now=100.0)
+    former, later = opened(requests, now=100.5), opened(requests, now=103.5)
+    assert status(requests, "second", 1.0, now=104.0) == [former]
+    with pytest.raises(UnconfirmedError, match="restarted"):
+        former.outcome()
+    assert not later.is_over
+
+
+@pytest.mark.parametrize("runs", [["first"], ["first", "first"]])
+def test_status_of_the_same_run_ends_no_request(runs: list[str]):
+    requests = Requests()
+    request = opened(requests, now=1.0)
+    for run in runs:
+        assert status(requests, run, 0.5, now=2.0) == []
+    assert not request.is_over
