@@ -7,7 +7,7 @@ the station is restarted: a new run of the station never confirms requests of th
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from captain_client.errors import RefusedError, UnconfirmedError
@@ -88,15 +88,17 @@ class Request:
     label    label in its confirms.
     sent_s   time at which it was sent, in seconds of the client's clock.
     is_over  the outcome is known, or cannot become known.
+    on_over  called once when it is over.
     """
 
-    __slots__ = ("_confirms", "_ended", "_expected", "is_over", "kind", "label", "sent_s")
+    __slots__ = ("_confirms", "_ended", "_expected", "is_over", "kind", "label", "on_over", "sent_s")
 
     def __init__(self, label: str, kind: str, sent_s: float) -> None:
         self.label = label
         self.kind = kind or "message"
         self.sent_s = sent_s
         self.is_over = False
+        self.on_over: Callable[[], object] = bool  # does nothing
         self._confirms: dict[str, dict[str, Any]] = {}  # last confirm by interface; "" for a refusal of the station
         self._expected: set[str] | None = None  # interfaces that must confirm it; None before the station's confirm
         self._ended = ""  # reason why no further confirm can come
@@ -110,12 +112,15 @@ class Request:
             self._confirms[str(confirm.get("interface") or "")] = confirm
             if outcome == "refused":
                 self._expected = set()
-        self.is_over = self._expected is not None and self._expected <= self._confirms.keys()
+        if self._expected is not None and self._expected <= self._confirms.keys():
+            self.is_over = True
+            self.on_over()
 
     def end(self, why: str) -> None:
         """End the request without an outcome."""
         self._ended = why
         self.is_over = True
+        self.on_over()
 
     def outcome(self) -> Confirmed:
         """Return the outcome.
@@ -181,21 +186,19 @@ class Requests:
         """Remove a request that was not sent."""
         self._open.pop(request.label, None)
 
-    def report(self, frames: list[bytes], now: float) -> list[Request]:
-        """Take a confirm or a status, received at `now`. Return the requests that it ends."""
+    def report(self, frames: list[bytes], now: float) -> None:
+        """Take a confirm or a status, received at `now`."""
         told = object_of(frames)
         if told is None:
-            return []
-        return self._status(told, now) if frames[0] == STATUS else self._confirm(told)
+            return
+        if frames[0] == STATUS:
+            self._status(told, now)
+        elif (request := self._open.get(str(told.get("label")))) is not None:
+            request.feed(told)
+            if request.is_over:
+                del self._open[request.label]
 
-    def _confirm(self, confirm: dict[str, Any]) -> list[Request]:
-        request = self._open.get(str(confirm.get("label")))
-        if request is None:  # another user sent it
-            return []
-        request.feed(confirm)
-        return [self._open.pop(request.label)] if request.is_over else []
-
-    def _status(self, status: Mapping[str, Any], now: float) -> list[Request]:
+    def _status(self, status: Mapping[str, Any], now: float) -> None:
         """End the requests of a former run.
 
         Requests sent after the start of the new run stay open, because their confirms may still come.
@@ -203,10 +206,8 @@ class Requests:
         run, uptime_s = str(status.get("run", "")), status.get("uptime_s")
         former, self.run = self.run, run
         if former is None or run == former:
-            return []
+            return
         started = now - uptime_s if isinstance(uptime_s, int | float) else now
-        ended = [one for one in self._open.values() if one.sent_s < started]
-        for one in ended:
+        for one in [one for one in self._open.values() if one.sent_s < started]:
             del self._open[one.label]
             one.end("the station was restarted")
-        return ended

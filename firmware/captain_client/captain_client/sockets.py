@@ -1,5 +1,6 @@
 """Options of the client's ZeroMQ sockets, and the cause if no station answers."""
 
+import time
 from typing import Any
 
 import zmq
@@ -15,6 +16,7 @@ MOST_OCTETS = 1 << 20  # longest frame; a status of a hundred interfaces has 100
 # ZMTP heartbeats detect a station that has lost its power or network: TCP does not notice.
 HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 1_000, 3_000
 CONFIRM = b"confirm."
+AT_ONCE = 256  # messages that are read before the program goes on
 
 
 def connect(end: "zmq.Socket[Any]", address: Address, port: int, *topics: bytes, most: int = HIGH_WATER) -> None:
@@ -42,6 +44,12 @@ def connect(end: "zmq.Socket[Any]", address: Address, port: int, *topics: bytes,
 def topics_of(kind: str, *names: str) -> tuple[bytes, ...]:
     """Return the topics of a kind of report, such as `message`, by name; all of the kind without names."""
     return tuple(f"{kind}.{name}.".encode() for name in names) or (f"{kind}.".encode(),)
+
+
+def ms_until(deadline: float) -> int:
+    """Return the milliseconds until a time of the monotonic clock in seconds, rounded up; 0 if it has passed."""
+    left = deadline - time.monotonic()
+    return int(left * 1000) + 1 if left > 0 else 0
 
 
 def unreachable(address: Address, port: int, why: str) -> UnreachableError:

@@ -24,15 +24,16 @@ from captain_client.reports import Frame, frame_of, object_of
 from captain_client.requests import STATUS, Confirmed, Request, Requests, outgoing
 from captain_client.sockets import (
     ANSWER_S,
+    AT_ONCE,
     CONFIRM,
     HIGH_WATER_OF_REPORTS,
     connect,
+    ms_until,
     topics_of,
     unreachable,
 )
 
 T = TypeVar("T")
-AT_ONCE = 256  # confirms that are read before the program goes on
 
 
 class Station:
@@ -103,21 +104,22 @@ class Station:
         out = outgoing(kind, message, form, edition, options, fields)
         deadline = time.monotonic() + self._timeout_s
         self._take_reports()
-        while self._push.poll(_ms(deadline), zmq.POLLOUT):
+        while True:
             request, frames = self._requests.open(kind, out, time.monotonic())
             try:
                 self._push.send_multipart(frames, zmq.NOBLOCK)
-            except zmq.Again:  # the connection has ended meanwhile
+            except zmq.Again:  # the connection has ended
                 self._requests.forget(request)
-                continue
-            return Sent(self, request)
-        raise self._unreachable(self.address.pull)
+            else:
+                return Sent(self, request)
+            if not self._push.poll(ms_until(deadline), zmq.POLLOUT):
+                raise self._unreachable(self.address.pull)
 
     def wait_for(self, request: Request, timeout_s: float) -> None:
         """Read confirms until a request is over, at most timeout_s seconds."""
         deadline = time.monotonic() + timeout_s
         self._take_reports()
-        while not request.is_over and self._reports.poll(_ms(deadline)):
+        while not request.is_over and self._reports.poll(ms_until(deadline)):
             self._take_reports()
 
     # -- receiving
@@ -198,7 +200,7 @@ class Station:
         poller = zmq.Poller()
         poller.register(end, zmq.POLLIN)
         poller.register(self._reports, zmq.POLLIN)
-        while ready := dict(poller.poll(None if deadline is None else _ms(deadline))):
+        while ready := dict(poller.poll(None if deadline is None else ms_until(deadline))):
             if self._reports in ready:
                 self._take_reports()
             if end in ready:
@@ -221,10 +223,10 @@ class Station:
         """Wait for the first status, and for the connection to the PULL port."""
         deadline = time.monotonic() + self._timeout_s
         while self._requests.run is None:
-            if not self._reports.poll(_ms(deadline)):
+            if not self._reports.poll(ms_until(deadline)):
                 raise self._unreachable(self.address.report)
             self._take_reports()
-        if not self._push.poll(_ms(deadline), zmq.POLLOUT):
+        if not self._push.poll(ms_until(deadline), zmq.POLLOUT):
             raise self._unreachable(self.address.pull)
 
     def _take_reports(self) -> None:
@@ -324,8 +326,3 @@ class Subscription(Generic[T]):
 
     def _take(self) -> list[bytes] | None:
         return self._early.popleft() if self._early else self._station.receive(self._socket, self._timeout_s)
-
-
-def _ms(deadline: float) -> int:
-    """Return the milliseconds until a deadline, rounded up; 0 after it."""
-    return max(0, int((deadline - time.monotonic()) * 1000) + 1) if deadline > time.monotonic() else 0

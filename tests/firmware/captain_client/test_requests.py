@@ -16,14 +16,15 @@ def opened(requests: Requests, now: float = 0.0, **options: Any) -> Request:
     return requests.open("cam", outgoing("cam", PDU, "", "", options, {}), now)[0]
 
 
-def feed(requests: Requests, request: Request, outcome: str, **more: Any) -> list[Request]:
-    """Give the confirm of a request to the requests, as the station publishes it."""
+def feed(requests: Requests, request: Request, outcome: str, **more: Any) -> bool:
+    """Give the confirm of a request to the requests, as the station publishes it. Return whether it is over."""
     told = {"label": request.label, "type": "cam", "digest": "8bf6d42855cc559f", "outcome": outcome, **more}
-    return requests.report([b"confirm.cam.", json.dumps(told).encode()], 0.0)
+    requests.report([b"confirm.cam.", json.dumps(told).encode()], 0.0)
+    return request.is_over
 
 
-def status(requests: Requests, run: str, uptime_s: float, now: float) -> list[Request]:
-    return requests.report([b"status.", json.dumps({"run": run, "uptime_s": uptime_s}).encode()], now)
+def status(requests: Requests, run: str, uptime_s: float, now: float) -> None:
+    requests.report([b"status.", json.dumps({"run": run, "uptime_s": uptime_s}).encode()], now)
 
 
 # -- frames
@@ -85,18 +86,29 @@ def test_label_of_the_user_is_kept_and_may_be_open_once():
 def test_request_is_over_when_each_interface_has_confirmed_it():
     requests = Requests()
     request = opened(requests)
-    assert feed(requests, request, "accepted", interfaces=["g5", "v2n"]) == []
-    assert feed(requests, request, "sent", interface="g5") == []
-    assert feed(requests, request, "dropped", interface="v2n", reason="link-down") == [request]
+    assert feed(requests, request, "accepted", interfaces=["g5", "v2n"]) is False
+    assert feed(requests, request, "sent", interface="g5") is False
+    assert feed(requests, request, "dropped", interface="v2n", reason="link-down") is True
     assert request.outcome() == Confirmed("cam", "8bf6d42855cc559f", ("g5",), {"v2n": "link-down"})
     assert len(requests) == 0
+
+
+def test_request_calls_on_over_once():
+    requests = Requests()
+    request = opened(requests)
+    calls: list[bool] = []
+    request.on_over = lambda: calls.append(request.is_over)
+    feed(requests, request, "accepted", interfaces=["g5"])
+    feed(requests, request, "sent", interface="g5")
+    feed(requests, request, "sent", interface="g5")
+    assert calls == [True]
 
 
 def test_request_that_an_interface_confirms_first_is_not_over_before_the_station_accepts_it():
     requests = Requests()
     request = opened(requests)
-    assert feed(requests, request, "sent", interface="g5") == []
-    assert feed(requests, request, "accepted", interfaces=["g5"]) == [request]
+    assert feed(requests, request, "sent", interface="g5") is False
+    assert feed(requests, request, "accepted", interfaces=["g5"]) is True
 
 
 def test_refused_request_raises_reason_detail_and_all_faults():
@@ -139,7 +151,7 @@ def test_request_without_all_confirms_raises_unconfirmed_and_names_the_missing_o
 def test_malformed_confirm_and_one_of_another_user_end_no_request(frames: list[bytes]):
     requests = Requests()
     opened(requests)
-    assert requests.report(frames, 0.0) == []
+    requests.report(frames, 0.0)
     assert len(requests) == 1
 
 
@@ -158,7 +170,7 @@ def test_new_run_ends_the_requests_of_the_former_run_at_once():
     requests = Requests()
     status(requests, "first", 60.0, now=100.0)
     former, later = opened(requests, now=100.5), opened(requests, now=103.5)
-    assert status(requests, "second", 1.0, now=104.0) == [former]
+    status(requests, "second", 1.0, now=104.0)
     with pytest.raises(UnconfirmedError, match="restarted"):
         former.outcome()
     assert not later.is_over
@@ -169,5 +181,5 @@ def test_status_of_the_same_run_ends_no_request(runs: list[str]):
     requests = Requests()
     request = opened(requests, now=1.0)
     for run in runs:
-        assert status(requests, run, 0.5, now=2.0) == []
+        status(requests, run, 0.5, now=2.0)
     assert not request.is_over

@@ -9,8 +9,9 @@ from collections.abc import Iterator
 import captain_messages
 import pytest
 
-from captain_client import Address, RefusedError, Station, StationError, UnconfirmedError, UnreachableError
+from captain_client import RefusedError, Station, StationError, UnconfirmedError, UnreachableError
 from captain_client.message import Message
+from tests.firmware.captain_client.places import address_of
 from tests.firmware.captain_client.test_reception import TOLD
 from tests.system.air import Air
 from tests.system.conftest import Bench, Launcher
@@ -20,11 +21,6 @@ from tests.system.user import mark
 
 CAM = bytes.fromhex("02029b260aa393e6005a6f0da4ae7bfb35a238230a6a3d4290581a90a3f67e02e6928b37fee9fea6103fdf93d980")
 POSITION = {"latitude": 48.7668, "longitude": 11.4321}
-
-
-def address_of(bench: Bench) -> Address:
-    ports = bench.station.ports
-    return Address("127.0.0.1", ports["from_users"], ports["to_users"], ports["pull"], ports["report"])
 
 
 @pytest.fixture(scope="module")
