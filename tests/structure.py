@@ -39,8 +39,8 @@ CODE = ("*.py", "*.c", "*.h", "*.hpp")
 # Packages that need no face: the six top folders, and lists.
 OPEN = frozenset({*OURS, "pps.sim", "drivers.sim", *(name.replace("/", ".") for name in LISTS)})
 COMMANDS = "firmware/commands/"  # started by their names, so no module imports them
-# Folders that are not part of this tree: ROS packages, and the client, which has its own root of imports.
-APART = ("firmware/gateway/", "firmware/captain_client/")
+# Folders that are not part of this tree: ROS packages, the client, which has its own root of imports, and its examples.
+APART = ("firmware/gateway/", "firmware/captain_client/", "firmware/guide/examples/")
 FACE = re.compile(r"^Face: ([a-z0-9_, ]+)\.$", re.MULTILINE)
 INSIDERS = re.compile(r"^Commands: ([a-z0-9_, ]+)\.$", re.MULTILINE)
 

@@ -129,6 +129,8 @@ TABLE = {
         )
     ),
     # Installed without the rest of the project.
+    # Programs of users: they have only what pip installs.
+    "firmware/guide/examples": Rule(("captain_client", "paho")),
     CLIENT: Rule(("zmq", "captain_messages", "captain_client")),
     "asn1": Rule(("asn1tools",)),
     "image": Rule(("board.runtime",)),

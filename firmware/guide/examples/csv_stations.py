@@ -1,0 +1,16 @@
+# csv_stations.py [STATION]
+import csv
+import sys
+
+from captain_client import Station
+
+VALUES = ("latitude", "longitude", "speed", "heading")
+
+rows = csv.writer(sys.stdout)
+rows.writerow(("received_s", "type", "station", *VALUES, "interface", "rssi_dbm"))
+with Station(*sys.argv[1:]) as box:
+    for message in box.listen("cam", "vam"):
+        values = [None if message.error else message.get(name) for name in VALUES]
+        received_s = message.received_ns / 1e9
+        rows.writerow((received_s, message.type, message.station, *values, message.interface, message.rssi_dbm))
+        sys.stdout.flush()

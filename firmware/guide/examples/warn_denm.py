@@ -1,0 +1,26 @@
+# warn_denm.py [STATION]
+import math
+import sys
+import time
+from typing import Any
+
+from captain_client import Station
+
+NEAR_M, AHEAD_DEG = 300.0, 45.0
+FRESH_S = 0.5  # a car at 30 m/s drives 15 m meanwhile
+METRES_PER_DEGREE = 111_320
+
+own: dict[str, Any] = {}
+asked = -math.inf
+with Station(*sys.argv[1:]) as box:
+    for denm in box.listen("denm"):
+        if time.monotonic() > asked + FRESH_S:
+            own, asked = box.status()["position"], time.monotonic()
+        if denm.error or own.get("heading_deg") is None:
+            continue  # a standing station does not know its heading
+        north = (denm.get("latitude") - own["latitude"]) * METRES_PER_DEGREE
+        east = (denm.get("longitude") - own["longitude"]) * METRES_PER_DEGREE * math.cos(math.radians(own["latitude"]))
+        distance_m = math.hypot(north, east)
+        aside_deg = (math.degrees(math.atan2(east, north)) - own["heading_deg"] + 180) % 360 - 180
+        if distance_m <= NEAR_M and abs(aside_deg) <= AHEAD_DEG:
+            print(f"station {denm.station}: cause {denm.get('cause')}, {distance_m:.0f} m ahead", flush=True)
