@@ -2,7 +2,7 @@
 # make ... ARGS='...' passes options on to the program that a target starts.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup packages run codec import-check docs reference test fresh test-binary test-binary-directory test-binary-file check arcs mutants portable fuzz truth dialects \
+.PHONY: help setup packages run codec wheels import-check docs reference test fresh test-binary test-binary-directory test-binary-file check arcs mutants portable fuzz truth dialects \
 	bench bench-station bench-json bench-messages bench-v2n bench-time bench-record bench-ros2 bench-before lab meter attack chaos outages facilities fleet swarm \
 	kernel ros2 clock days chronyd binary image image-test programs programs-test release flash lock proof clean
 
@@ -13,8 +13,8 @@ PYTEST := .venv/bin/python -m pytest
 
 # The targets of `make help`, by group; ALL=1 has the others as well, each with its options.
 USE := packages setup run lab meter
-TOOLS := codec docs binary programs image flash
-DEVELOP := test check reference fresh bench lock proof clean
+TOOLS := codec wheels docs binary programs image flash
+DEVELOP := test check reference fresh bench proof clean
 
 help: ## targets by group; ALL=1 shows all of them with their options
 	@awk -f .ci/help -v use="$(USE)" -v tools="$(TOOLS)" -v develop="$(DEVELOP)" -v all="$(ALL)" $(MAKEFILE_LIST)
@@ -31,6 +31,9 @@ run: setup ## two simulated stations and what their users receive; Ctrl-C ends i
 	@.venv/bin/captain demo $(ARGS)
 
 codec: setup ## build the Python module of all messages; in build/codec, with those that captain-asn1 has added
+
+wheels: setup ## build captain-client and captain-messages for other Pythons; in build/wheels; ARGS='cam-1.4.1' for some messages
+	@.ci/wheels $(ARGS)
 
 import-check: setup-test ## do the modules of the standards in ASN1=DIR give the committed schema and the same codecs?
 	@[ -n "$(ASN1)" ] || { echo "make import-check ASN1=DIR: the directory with the modules" >&2; exit 2; }
