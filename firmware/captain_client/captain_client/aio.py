@@ -206,8 +206,11 @@ class Station:
 
     async def _writable(self, deadline: float) -> None:
         """Wait for the connection to the PULL port. Raises UnreachableError at the deadline."""
-        if not await self._push.poll(ms_until(deadline), zmq.POLLOUT):  # type: ignore[call-arg]  # the stub has no flags
-            raise await self.unreachable(self.address.pull)
+        while not self._plain_push.poll(0, zmq.POLLOUT):
+            if not (left_ms := ms_until(deadline)):
+                raise await self.unreachable(self.address.pull)
+            # Another task may use up the event: then poll() returns 0 before its timeout.
+            await self._push.poll(left_ms, zmq.POLLOUT)  # type: ignore[call-arg]  # the stub has no flags
 
     async def _read(self) -> None:
         """Give confirms and statuses to the open requests, until the task is cancelled."""
@@ -279,9 +282,12 @@ class Inlet:
 
     async def next(self, deadline: float | None) -> list[bytes] | None:
         """Return the next message; None at the deadline, a time of the monotonic clock in seconds."""
+        self._take()
         while not self._arrived:
-            if not await self._socket.poll(None if deadline is None else ms_until(deadline)):
+            left_ms = None if deadline is None else ms_until(deadline)
+            if left_ms == 0:
                 return None
+            await self._socket.poll(left_ms)  # may return before its timeout without a message
             self._take()
         return self._arrived.popleft()
 
@@ -292,7 +298,7 @@ class Inlet:
         self._socket.close()
 
     def _take(self) -> None:
-        for _ in range(AT_ONCE):
+        for _ in range(0 if self._arrived else AT_ONCE):
             try:
                 self._arrived.append(self._plain.recv_multipart(zmq.NOBLOCK))
             except zmq.Again:
