@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .PHONY: help setup packages run codec wheels import-check docs reference test fresh test-binary test-binary-directory test-binary-file check arcs mutants portable fuzz truth dialects \
-	bench bench-station bench-json bench-messages bench-v2n bench-time bench-record bench-ros2 bench-before lab meter attack chaos outages facilities fleet swarm \
+	bench bench-station bench-json bench-messages bench-v2n bench-time bench-record bench-ros2 bench-before lab meter attack chaos outages client facilities fleet swarm \
 	kernel ros2 clock days chronyd binary image image-test programs programs-test release flash lock proof clean
 
 # The last commit before the code lay in packages, whose figures tests/bench/FIGURES.md has.
@@ -141,6 +141,9 @@ chaos: setup-test ## everything that is simulated fails at random: MINUTES=30 of
 outages: setup-test ## a vehicle's network: HOURS=24 of it in virtual time, then DURATION=1800 real seconds without the quiet
 	@.venv/bin/python -m tests.proof.outage.virtual --hours $(or $(HOURS),24) --seeds 1 2 3
 	@.venv/bin/python -m tests.proof.outage --duration $(or $(DURATION),1800) $(ARGS)
+
+client: setup-test ## the Python client while the station is restarted: exact sums of requests and messages; ARGS='--duration 6 --restarts 2'
+	@.venv/bin/python -m tests.proof.client $(ARGS)
 
 facilities: setup-test ## requests in JSON while the facilities process is killed: one outcome each; ARGS='--requests 200 --kills 3'
 	@.venv/bin/python -m tests.proof.facilities $(ARGS)
