@@ -1,20 +1,23 @@
-"""Guide of the Python client: its lesson between two stations, its calls of send()."""
+"""Guide of the Python client: its lesson between two stations, its calls of send(), its asyncio program."""
 
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import captain_messages as messages
 import pytest
 
 from captain_client import Station as Client
+from captain_client import aio
 from tests.documents import blocks
 from tests.system.conftest import Bench, Launcher
-from tests.system.examples import pdu, plain
+from tests.system.examples import lines, pdu, plain, running
 from tests.system.station import PATIENCE, ROOT, Station
 from tests.system.user import mark
 
 PAGE = (ROOT / "firmware/guide/client.md").read_text()
-(LESSON,) = blocks(PAGE, "python complete")
+LESSON, AWAITING = blocks(PAGE, "python complete")
 LESSON_LINES = 15
 POSITION = {"latitude": 48.7668, "longitude": 11.4321}
 CAM, DENM = 2, 1  # messageIDs
@@ -49,6 +52,11 @@ def test_lesson_prints_the_own_cam_as_the_other_station_received_it(pair: tuple[
     assert (done.stderr, [done.stdout]) == ("", blocks(PAGE, "text"))
 
 
+@pytest.mark.parametrize("station", [Client, aio.Station])
+def test_guide_names_only_members_that_both_forms_have(station: type) -> None:
+    assert [name for name in re.findall(r"\bbox\.(\w+)", PAGE) if not hasattr(station, name)] == []
+
+
 def test_calls_of_send_in_the_guide_put_their_messages_on_the_air(bench: Bench) -> None:
     whole = messages.find("cam")
     names = {"octets": mark(), "whole": plain(pdu("cam", **POSITION))}
@@ -62,3 +70,12 @@ def test_calls_of_send_in_the_guide_put_their_messages_on_the_air(bench: Bench) 
     speed = "cam.camParameters.highFrequencyContainer.basicVehicleContainerHighFrequency.speed.speedValue"
     assert whole.reader(speed)(heard[0]) == (1390,)
     assert heard[4] == names["octets"]
+
+
+def test_asyncio_program_of_the_guide_sends_and_receives(bench: Bench, tmp_path: Path) -> None:
+    (tmp_path / "awaiting.py").write_text(AWAITING)
+    with running(tmp_path / "awaiting.py", f":{bench.station.ports['from_users']}") as child:
+        said = lines(child, lambda: bench.air.send(pdu("cam", station=7, speed=13.9)))
+        first, second = next(said), next(said)
+    assert re.match(r"Confirmed\(.*sent=\('g5',\)", first)
+    assert second == "7 13.9"
