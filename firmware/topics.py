@@ -82,6 +82,7 @@ class Topics:
         own = tuple(extra)
         taken = {row.number for row in own}
         rows = [*own, *(row for row in ROWS if row.number not in taken)]
+        self._is_legacy = is_legacy
         self.unknown = MessageType("", -1, None, 7, len(rows))
         self.by_number: list[MessageType] = [self.unknown] * 256
         self.by_envelope: dict[bytes, MessageType] = {}
@@ -92,13 +93,27 @@ class Topics:
             port = row.legacy if is_legacy else row.standard
             name = "" if is_nameless else row.name
             kind = MessageType(name, row.number, port, row.priority, index, row.lifetime, row.traffic_class)
-            self.kinds.append(kind)
-            self.by_number[row.number] = kind
-            self.ports.update(port for port in (row.standard, row.legacy) if port is not None)
-            if kind.name and self._speaks_for_its_name(kind, is_legacy):
-                self.by_envelope[b"v2x.%s." % kind.name.encode()] = kind
+            self._enter(kind, row)
         self.kinds.append(self.unknown)
         self.envelopes = [b"v2x.%s." % kind.name.encode() for kind in self.kinds]
+
+    def add(self, row: TypeRow) -> MessageType | None:
+        """Add a type while the station runs. Return None if its messageID or its name is taken."""
+        if self.by_number[row.number] is not self.unknown or any(kind.name == row.name for kind in self.kinds):
+            return None
+        port = row.legacy if self._is_legacy else row.standard
+        index = len(self.kinds)
+        kind = MessageType(row.name, row.number, port, row.priority, index, row.lifetime, row.traffic_class)
+        self._enter(kind, row)
+        self.envelopes.append(b"v2x.%s." % kind.name.encode())
+        return kind
+
+    def _enter(self, kind: MessageType, row: TypeRow) -> None:
+        self.kinds.append(kind)
+        self.by_number[row.number] = kind
+        self.ports.update(port for port in (row.standard, row.legacy) if port is not None)
+        if kind.name and self._speaks_for_its_name(kind, self._is_legacy):
+            self.by_envelope[b"v2x.%s." % kind.name.encode()] = kind
 
     def _speaks_for_its_name(self, kind: MessageType, is_legacy: bool) -> bool:
         """Return True if the type is the one that its envelope means.
@@ -121,7 +136,7 @@ class Topics:
         """
         urgent: set[int] = set()
         others: dict[str, set[int]] = {}
-        for kind in sorted(self.kinds[:-1], key=lambda kind: kind.priority):
+        for kind in sorted((kind for kind in self.kinds if kind is not self.unknown), key=lambda kind: kind.priority):
             lane = urgent if kind.priority == 0 else others.setdefault(kind.name or str(kind.number), set())
             lane.add(kind.number)
         return tuple(map(frozenset, (urgent, *others.values())))[:MAX_LANES]

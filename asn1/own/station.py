@@ -57,7 +57,7 @@ def file_of(environment: Mapping[str, str] = os.environ) -> Path | None:
 
 
 class Types:
-    """The rows of a file. Raises WishError if the file is not one that captain-asn1 has written.
+    """Rows of a file. Raises WishError if the file is not one that captain-asn1 has written.
 
     path  the file, which need not exist.
     """
@@ -67,7 +67,10 @@ class Types:
         self._rows = _read(path) if path.exists() else []
 
     def add(self, row: TypeRow) -> str | None:
-        """Add a row, in place of the one with its name. Return why it is impossible; None if it is done."""
+        """Add a row, in place of the one with its name. Return why it is impossible; None if it is done.
+
+        Raises WishError if the file cannot be written.
+        """
         others = [one for one in self._rows if one["name"] != row.name]
         for one in others:
             if one["number"] == row.number:
@@ -77,8 +80,12 @@ class Types:
         self._write([*others, row._asdict()])
         return None
 
+    def former(self, name: str) -> dict[str, object] | None:
+        """Return the row with a name; None without one."""
+        return next((row for row in self._rows if row["name"] == name), None)
+
     def remove(self, name: str) -> bool:
-        """Remove the row with a name. Return whether there was one."""
+        """Remove the row with a name. Return whether there was one. Raises WishError if the file cannot be written."""
         others = [one for one in self._rows if one["name"] != name]
         has_it = len(others) < len(self._rows)
         if has_it:
@@ -86,16 +93,19 @@ class Types:
         return has_it
 
     def _write(self, rows: list[dict[str, object]]) -> None:
-        """Write the file by rename, so that a station never reads a part of it."""
+        """Write the file by rename, so that a station never reads a part of it. Raises WishError if that fails."""
         self._rows = rows
         tables = (
             "\n[[types]]\n" + "".join(f"{key} = {json.dumps(row[key], ensure_ascii=False)}\n" for key in row)
             for row in rows
         )
-        self.path.parent.mkdir(parents=True, exist_ok=True)
         beside = self.path.with_name(self.path.name + ".new")
-        beside.write_text(HEADING + "".join(tables), encoding="utf-8")
-        beside.replace(self.path)
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            beside.write_text(HEADING + "".join(tables), encoding="utf-8")
+            beside.replace(self.path)
+        except OSError as error:
+            raise WishError(f"{self.path}: cannot be written: {error.strerror}") from error
 
 
 def _read(path: Path) -> list[dict[str, object]]:

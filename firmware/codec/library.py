@@ -3,6 +3,7 @@
 The Protocols contain the members that are used here. The full interface is in asn1/guide/python-functions.md.
 """
 
+import os
 from collections.abc import Mapping, Sequence
 from typing import Protocol, cast
 
@@ -112,6 +113,20 @@ def load() -> Library:
             f"the message library cannot be imported: {error}", "`make codec` builds it and puts it where this is"
         ) from error
     return cast("Library", captain_messages)
+
+
+def stamp() -> tuple[int, int] | None:
+    """Return inode and time of the last change of the file of the module; None without a file."""
+    import importlib.util
+
+    try:
+        found = importlib.util.find_spec("captain_messages")
+        if found is None or found.origin is None:
+            return None
+        file = os.stat(found.origin)
+    except OSError:
+        return None
+    return file.st_ino, file.st_mtime_ns
 
 
 def strict_name(edition: str) -> str:

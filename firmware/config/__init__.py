@@ -1,4 +1,4 @@
 """Configuration: reads, checks and reloads captain.toml.
 
-Face: captain_toml, tables, board_file, reload, consistency, reload_child.
+Face: captain_toml, tables, board_file, reload, registered, reload_child.
 """

@@ -22,6 +22,8 @@ from board.runtime.errors import ConfigurationError
 from drivers.sim.options import NeighboursOptions
 from firmware.untrusted import within
 
+SERIAL = {"uart": "device", "sim8202g": "port", "zed_f9p": "port"}  # option with the serial port, by driver
+
 BOARDS = Path(describe.__file__).parents[1] / "boards"
 
 # Tables with named subtables, such as [lines.x], and the class of a subtable. Other tables may refer to these names.
@@ -268,3 +270,8 @@ def _unknown(where: str, name: str, table: str, tables: Tables) -> Iterator[str]
         yield f"{where}: {name!r} is not declared; add a table [{table}.{name}]"
     elif name and name not in known:
         yield f"{where}: {name!r} is not declared; {remedy(name, known)}"
+
+
+def serial_option(options: Mapping[str, Any]) -> str:
+    """Return the key that holds the serial port of an interface; empty if its driver opens none."""
+    return "" if options.get("kind") == "static" else SERIAL.get(str(options.get("driver")), "")

@@ -9,6 +9,7 @@ from board.runtime.address import Address, address
 from board.runtime.describe import remedy
 from board.runtime.errors import ConfigurationError
 from board.runtime.toml import show
+from firmware.config.board_file import serial_option
 from firmware.config.tables import MOST_NAME, EndpointOptions
 from firmware.topics import ROWS
 from firmware.untrusted import within
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 # Name of the interface that serves the interface processes of endpoint.ipc_in and ipc_out.
 IPC = "ipc"
 ALL = "0.0.0.0"  # address that means all addresses of this host
-SERIAL = {"uart": "device", "sim8202g": "port", "zed_f9p": "port"}  # option with the serial port, by driver
 SOCKETS = ("from_users", "to_users", "pull", "report")
 # Names of drop counters' places other than interfaces. No interface may have one of these names.
 PLACES = frozenset({*SOCKETS, "from_brokers", "router"})
@@ -139,11 +139,6 @@ def _listeners(interfaces: Interfaces) -> Iterator[str]:
                     yield f'interfaces.{name}.{key}: "{at}" is {what}; give each its own'
                     break
             taken.append((at, is_group, name))
-
-
-def serial_option(options: Mapping[str, Any]) -> str:
-    """Return the key that holds the serial port of an interface; empty if its driver opens none."""
-    return "" if options.get("kind") == "static" else SERIAL.get(str(options.get("driver")), "")
 
 
 def _texts(interfaces: Interfaces, key: Callable[[Mapping[str, Any]], str]) -> dict[str, str]:

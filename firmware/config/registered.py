@@ -1,7 +1,7 @@
 """Own message types that `captain-asn1 add` has registered: rows beside those of captain.toml."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -48,7 +48,7 @@ def completed(tables: dict[str, Any], paths: tuple[str, ...], errors: list[Confi
     taken = {one.get(key) for one in rows if isinstance(one, dict) for key in ("number", "name")}
     for path in paths:
         try:
-            found = list(_rows(path))
+            found = [_table(row) for row in rows_of(path)]
         except ConfigurationError as error:
             errors.append(error)
             continue
@@ -59,10 +59,13 @@ def completed(tables: dict[str, Any], paths: tuple[str, ...], errors: list[Confi
     return {**tables, "types": rows} if rows else tables
 
 
-def _rows(path: str) -> Iterator[dict[str, Any]]:
-    """Yield the rows of a types.toml as tables. Raises ConfigurationError with every mistake."""
+def rows_of(path: str) -> tuple[TypeConfig, ...]:
+    """Return the rows of a types.toml. Raises ConfigurationError with every mistake."""
     table = describe.load(path)
     if mistakes := list(consistency.types(table)):
         raise ConfigurationError("\n".join(f"{path}: {mistake}" for mistake in mistakes))
-    for row in describe.read(TypesFile, table, path).types:
-        yield {key: value for key, value in asdict(row).items() if value is not None}
+    return describe.read(TypesFile, table, path).types
+
+
+def _table(row: TypeConfig) -> dict[str, Any]:
+    return {key: value for key, value in asdict(row).items() if value is not None}

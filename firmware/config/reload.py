@@ -9,6 +9,7 @@ from board.runtime.child import Child, program
 from board.runtime.errors import ConfigurationError, RequestError, StationError
 from board.runtime.loop import Loop, Timer
 from drivers.contract import Answer
+from drivers.message import MessageType
 from firmware.config.captain_toml import Config, ConfigSource
 from firmware.routing.policy import Policy
 
@@ -68,6 +69,10 @@ class Reload:
         self._waiting.append(answer)
         if self._child is None:
             self._begin()
+
+    def add_kind(self, kind: MessageType) -> None:
+        """Take a type that was added to the table of types, for a policy that is being made."""
+        self._policy.add_kind(kind)
 
     def close(self) -> None:
         """End the child process; a second call has no effect."""

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 
 # Seconds. A stopping station still takes the messages that users have already sent, for at most this long.
 FINISH_S = 0.2
-MESSAGE = "message"  # first word of the topics of firmware.endpoint.deliveries
+# First words of the topics of each type: those of `deliveries` and `facilities`.
+WORDS_OF_TYPES = ("message", *JSON_FORMS)
 
 
 class StationQueries(NamedTuple):
@@ -92,7 +93,7 @@ class Endpoint:
 
         try:
             self.users = Users(loop, self.context, at(options.to_users), topics, drops, station.local)
-            of_types = topics.of_each_type(MESSAGE, *JSON_FORMS)
+            of_types = topics.of_each_type(*WORDS_OF_TYPES)
             costly = (IMPLAUSIBLE, FRAME, SOON, *of_types)
             counted = CountedTopics((*TOPICS, *of_types), self._interest, costly=costly)
             also = [self.private_report] if has_recorder else []
@@ -150,6 +151,11 @@ class Endpoint:
     def request(self, kind: MessageType | None, body: bytes, where: str, asked: Parsed) -> None:
         """Encode a message in JSON and send it. kind: type of its envelope; None for `v2x.`."""
         self._facilities_on_demand().request(kind, body, where, asked)
+
+    def add_kind(self, kind: MessageType) -> None:
+        """Take a type that was added to the table of types."""
+        self.users.add_kind(kind)
+        self._reports.add_costly(f"{word}.{kind.name}.".encode() for word in WORDS_OF_TYPES)
 
     def status(self) -> dict[str, object]:
         """Return the parts of the status about users and reports.

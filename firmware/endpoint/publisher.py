@@ -190,8 +190,14 @@ class Publisher:
             self._look_soon()
         return True
 
+    def add_costly(self, topics: Iterable[bytes]) -> None:
+        """Count subscriptions to further topics, as those of CountedTopics.topics that are costly."""
+        self._interest.add_costly(topics, self.door.connections.values())
+
     def wants(self, topic: bytes) -> bool:
-        """Return True if a subscriber would receive this topic, which must be one of CountedTopics.whole."""
+        """Return True if a subscriber would receive this complete topic: one of CountedTopics.whole, or another."""
+        if topic not in self._interest.takers:
+            self._interest.add_whole(topic, self.door.connections.values())
         if not self._interest.takers[topic]:
             self.look()
         return self._interest.takers[topic] > 0

@@ -7,7 +7,7 @@ from typing import Protocol
 import zmq
 
 from board.runtime.loop import Loop
-from drivers.message import Ego, Indication, Position
+from drivers.message import Ego, Indication, MessageType, Position
 from drivers.wire import raw
 from firmware.endpoint.peers.interest import CountedTopics
 from firmware.endpoint.publisher import Publisher
@@ -72,6 +72,10 @@ class Users:
         sequences = [self._next(one.kind.name) for one in indications]
         for listener in self.listeners:
             listener.publish(indications, sequences)
+
+    def add_kind(self, kind: MessageType) -> None:
+        """Take a type that was added to the table of types."""
+        self._sequences[kind.name] = 0
 
     def _next(self, name: str) -> int:
         self._sequences[name] = number = self._sequences[name] + 1

@@ -2,6 +2,7 @@
 
 import os
 import socket
+import time
 from typing import Any, cast
 
 import zmq
@@ -17,6 +18,7 @@ from firmware.facilities.exchange import Ask, Received, packed, parts_of
 NICE = 5  # the station's routing runs first
 AT_ONCE = 16  # messages of one socket that are handled before those of the other one
 QUEUE = 256  # received messages that wait in libzmq
+LOOK_S = 0.5  # interval of the checks for another message library
 
 
 def serve(channel: socket.socket) -> None:
@@ -30,6 +32,8 @@ class Service:
     """Loop of the facilities process.
 
     channel  socket to the station.
+
+    It ends when its message library is replaced, as by `make codec`. The station then starts it with the new one.
     """
 
     def __init__(self, channel: socket.socket, context: zmq.Context[zmq.Socket[bytes]]) -> None:
@@ -42,6 +46,8 @@ class Service:
         self._wanted: frozenset[bytes] = frozenset()
         self._done = self._lost = 0
         self._why = ""  # reason why nothing can be encoded or decoded
+        self._loaded = self._seen = library.stamp()
+        self._look_at = time.monotonic() + LOOK_S
         self._codec: tuple[Encoder, Converter] | None = None
         try:
             codec = library.load()
@@ -54,9 +60,17 @@ class Service:
         poller.register(self._channel, zmq.POLLIN)
         poller.register(self._received, zmq.POLLIN)
         with self._received:
-            while self._answer():
+            while self._answer() and not self._is_replaced():
                 if not self._convert():
-                    poller.poll()
+                    poller.poll(int(LOOK_S * 1000))
+
+    def _is_replaced(self) -> bool:
+        """Return whether there is another library that has not changed since the last check: it is complete."""
+        if time.monotonic() < self._look_at:
+            return False
+        self._look_at = time.monotonic() + LOOK_S
+        before, self._seen = self._seen, library.stamp()
+        return self._seen == before and self._seen not in (self._loaded, None)
 
     def _answer(self) -> bool:
         """Handle some messages of the station. Return False when it has closed the channel."""

@@ -139,6 +139,11 @@ class Interface:
         """Pass on received PDUs of BTP ports that are not in the table of types; otherwise they are dropped."""
         self._any_port = True
 
+    def add_kind(self) -> None:
+        """Count another type, which was added to the table of types."""
+        self.received.append(0)
+        self.sent_count.append(0)
+
     # Called by the driver: drivers.contract.Host.
 
     def indicate(self, pdu: bytes, received_ns: int, rx: RxInfo = NO_RX_INFO) -> None:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeAlias
 
 from drivers.contract import Can
 from drivers.message import Area, Ego, Indication, MessageType, Position, Shape
@@ -51,6 +51,10 @@ class Rate:
         return True
 
 
+# lifetime_s, priority and traffic_class of a row; None: the type's.
+Values: TypeAlias = tuple[float | None, int | None, int | None]
+
+
 class Plan(NamedTuple):
     """Lifetime in seconds, priority and traffic class of a type's messages by a row; options of a message override."""
 
@@ -85,7 +89,7 @@ class Policy:
     def __init__(self, rows: Sequence[PolicyRow], topics: Topics, surroundings: Surroundings) -> None:
         self._topics = topics
         self._surroundings = surroundings
-        self._plans: dict[tuple[object, ...], list[Plan]] = {}  # plans by the row's values, shared by rows
+        self._plans: dict[Values, list[Plan]] = {}  # plans by the row's values, shared by rows
         last = self._made(PolicyRow(), "default")
         self.rows = [last]
         self.received: list[CompiledRow] = []
@@ -103,6 +107,12 @@ class Policy:
             for kind, of_kind in zip(self._topics.kinds, self._by_kind, strict=True):
                 if not made.types or kind.name in made.types:
                     of_kind.insert(-1, made)
+
+    def add_kind(self, kind: MessageType) -> None:
+        """Take a type that was added to the table of types."""
+        for values, plans in self._plans.items():
+            plans.append(_plan(values, kind))
+        self._by_kind.append([row for row in self.rows if not row.doubts and (not row.types or kind.name in row.types)])
 
     def choose(
         self, kind: MessageType, pdu: bytes, btp_port: int, traffic_class: int, area: Area | None
@@ -144,15 +154,16 @@ class Policy:
     def _made(self, row: PolicyRow, name: str) -> CompiledRow:
         key = row.lifetime_s, row.priority, row.traffic_class
         if key not in self._plans:
-            self._plans[key] = [_plan(row, kind) for kind in self._topics.kinds]
+            self._plans[key] = [_plan(key, kind) for kind in self._topics.kinds]
         return CompiledRow(row, name, self._plans[key], self._surroundings)
 
 
-def _plan(row: PolicyRow, kind: MessageType) -> Plan:
+def _plan(asked: Values, kind: MessageType) -> Plan:
+    lifetime_s, priority, traffic_class = asked
     return Plan(
-        kind.lifetime if row.lifetime_s is None else row.lifetime_s,
-        kind.priority if row.priority is None else row.priority,
-        kind.traffic_class if row.traffic_class is None else row.traffic_class,
+        kind.lifetime if lifetime_s is None else lifetime_s,
+        kind.priority if priority is None else priority,
+        kind.traffic_class if traffic_class is None else traffic_class,
     )
 
 

@@ -102,6 +102,12 @@ class Router:
         self.policy = policy
         self._targets.clear()
 
+    def add_kind(self, kind: MessageType) -> None:
+        """Take a type that was added to the table of types."""
+        self.policy.add_kind(kind)
+        for interface in self.interfaces.values():
+            interface.add_kind()
+
     def set_listeners(self, observers: Sequence[Observer], confirm_listeners: Sequence[ConfirmListener]) -> None:
         """Replace all listeners. Without listeners, no time is spent on reports."""
         self._observers, self._confirm_listeners = observers, confirm_listeners

@@ -10,6 +10,7 @@ from board.runtime.errors import RequestError
 from board.runtime.loop import Loop
 from board.time.scales import ITS_END, TimeQuality
 from drivers.contract import Answer, Can, Parting, Witness
+from drivers.message import MessageType
 from drivers.reason import Reason
 from firmware.clock.clock_set import ClockSet
 from firmware.clock.timekeeper import FRESH_S, Timekeeper
@@ -28,12 +29,13 @@ from firmware.station.interface_supervisor import InterfaceSupervisor
 from firmware.station.interfaces import Interfaces
 from firmware.station.notify import ServiceNotice
 from firmware.station.operator import Operator
+from firmware.station.own_types import OwnTypes, type_row
 from firmware.station.position import OwnPosition
 from firmware.station.signatures import Signatures
 from firmware.station.simulation import Simulation
 from firmware.station.storage import Storage
 from firmware.station.timeline import Timeline
-from firmware.topics import Topics, TypeRow
+from firmware.topics import Topics
 
 if TYPE_CHECKING:
     from firmware.config.reload import Reload
@@ -126,6 +128,7 @@ class Station:
         if self._carrier is not None:
             self._carrier.start()
         self.endpoint.start()
+        OwnTypes(self.loop, self.topics, self._add_kind).start()
         self.storage.start()
         self.timekeeper.start(self._with(Can.TIMEMARK))
         if self._recorder is not None:
@@ -162,6 +165,12 @@ class Station:
                 lambda: [row.name for row in self.router.policy.rows],
             )
         self._reload.ask(answer)
+
+    def _add_kind(self, kind: MessageType) -> None:
+        self.router.add_kind(kind)
+        self.endpoint.add_kind(kind)
+        if self._reload is not None:
+            self._reload.add_kind(kind)
 
     def stop(self) -> None:
         """Stop accepting messages, drain the queues for at most DRAIN_S, then end the loop.
@@ -316,10 +325,4 @@ class Station:
 
 def topics_of(tables: Tables) -> Topics:
     """Return the table of message types of a station: its profile's, with the rows of [[types]]."""
-    return Topics(
-        tables.station.profile,
-        [
-            TypeRow(row.number, row.name, row.btp_port, row.btp_port, row.priority, row.lifetime_s, row.traffic_class)
-            for row in tables.types
-        ],
-    )
+    return Topics(tables.station.profile, map(type_row, tables.types))

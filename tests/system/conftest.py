@@ -96,9 +96,10 @@ class Launcher:
         station.configure(rows, more, **tables)
         station.start()
         user = self.user(station).join(next(iter(airs.values())))
-        return Bench(station, airs, user, lambda: self._reports(station, user))
+        return Bench(station, airs, user, lambda: self.reports(station, user))
 
-    def _reports(self, station: Station, user: User) -> Reports:
+    def reports(self, station: Station, user: User) -> Reports:
+        """Return a subscriber to all reports; confirms of the user's requests arrive."""
         reports = Reports(self._context, station)
         self.at_end(reports.close)
         return reports.join(user)

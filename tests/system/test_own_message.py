@@ -3,18 +3,20 @@
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
 from typing import Any
 
+import captain_messages
 import pytest
 
 from asn1 import cli as program
 from tests.system.conftest import Bench, Launcher
 from tests.system.station import ROOT
-from tests.system.user import JOIN_MS, Reports
+from tests.system.user import JOIN_MS, Reports, User
 
 PAGE = (ROOT / "asn1/guide/own-messages.md").read_text()
 
@@ -137,3 +139,43 @@ def hears(bench: Bench, reports: Reports, pdu: bytes, topic: bytes) -> dict[str,
             if found == topic:
                 said: dict[str, Any] = json.loads(body)
                 return said
+
+
+def test_own_message_that_is_added_while_stations_run_is_sent_as_json_and_received_decoded(
+    folder: Path, launch: Launcher, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    types, module = folder / "later.toml", folder / "of_later" / Path(captain_messages.__file__).name
+    module.parent.mkdir()
+    module.symlink_to(captain_messages.__file__)
+    monkeypatch.setenv("CAPTAIN_TYPES", str(types))
+    monkeypatch.setenv("PYTHONPATH", str(module.parent))
+    monkeypatch.setattr(
+        "tests.system.station.PROGRAM", [str(ROOT / ".venv/bin/captain")]
+    )  # a binary has no `make codec`
+    a, b = launch.station(), launch.station()
+    at_a, at_b = (f"127.0.0.1:{launch.port()}" for _ in "ab")
+    for station, listen, peer in ((a, at_a, at_b), (b, at_b, at_a)):
+        station.configure({"air": {"driver": "udp", "framing": "ethernet", "listen": listen, "peers": [peer]}})
+        station.start()
+    user = launch.user(a)
+    of_a, of_b = launch.reports(a, user), launch.reports(b, launch.user(b))
+    of_b.sub.subscribe(b"plain.hello.")
+    runs = [reports.next("status.")[1]["run"] for reports in (of_a, of_b)]
+    assert outcomes(user, of_a) == ["refused"]
+
+    types.write_text((folder / "types.toml").read_text())
+    (new,) = (folder / "python").glob("captain_messages*.so")
+    os.replace(shutil.copy(new, module.parent / "new"), module)
+    while "sent" not in outcomes(user, of_a):
+        pass
+    while not of_b.sub.poll(JOIN_MS) or not (found := of_b.sub.recv_multipart())[0].startswith(b"plain.hello."):
+        outcomes(user, of_a)
+    assert json.loads(found[1])["message"]["text"] == "hello"
+    assert [reports.next("status.")[1]["run"] for reports in (of_a, of_b)] == runs
+
+
+def outcomes(user: User, reports: Reports) -> list[str]:
+    """Send the message of the guide as JSON, and return the outcomes of its confirms."""
+    user.push_pdu(b"v2x.", block("json").encode(), label="hello", form="json")
+    first = reports.confirms_of("hello", 1)[0]["outcome"]
+    return [first] if first == "refused" else [first, reports.confirms_of("hello", 1)[0]["outcome"]]

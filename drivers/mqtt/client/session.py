@@ -306,7 +306,7 @@ class Session:
         number, deadline, btp_port, row, pdu = wanted
         try:
             now_ms = self._unix_ns() // 1_000_000
-            publications = self._profile.publications(self._settings.types[row], btp_port, pdu, self._own, now_ms)
+            publications = self._profile.publications(self._settings.type_of(row), btp_port, pdu, self._own, now_ms)
         except RequestError as error:
             self._report.send(talk.sent(number, Reason.SEND_FAILED, f"{self._broker}: {error.message}"))
             return

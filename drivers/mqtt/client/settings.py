@@ -37,6 +37,10 @@ class MqttSettings(MqttOptions):
     first_delay_s: float = 0.5
     longest_delay_s: float = 30.0
 
+    def type_of(self, row: int) -> str:
+        """Return the name of the type of a row; empty for a type that was added after the start of the station."""
+        return self.types[row] if row < len(self.types) else ""
+
     def message(self) -> bytes:
         """Return the settings as a JSON object: the first message to the process."""
         given = asdict(self)

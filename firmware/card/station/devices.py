@@ -11,7 +11,7 @@ from drivers.udp.driver import UdpOptions
 from firmware.card.note import Note, mistake, remark
 from firmware.card.station.given import OWN, STATE, StationFiles
 from firmware.config import captain_toml
-from firmware.config.consistency import serial_option
+from firmware.config.board_file import serial_option
 
 CABLE, WIRELESS = "eth0", "wlan0"
 CONSOLE = "/dev/ttyS1"  # console.device in image.toml

@@ -1,7 +1,7 @@
 """Interest: counts subscriptions per connection, so that no peer changes those of another."""
 
 from collections import Counter
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from firmware.endpoint.peers.connection import Connection
@@ -19,7 +19,7 @@ class CountedTopics(NamedTuple):
     topics: Iterable[bytes] = ()
     on_change: Callable[[bytes, bool], None] = lambda topic, is_wanted: None
     whole: Iterable[bytes] = ()
-    costly: Container[bytes] = ()
+    costly: Iterable[bytes] = ()
 
 
 class Interest:
@@ -36,7 +36,7 @@ class Interest:
         self.total = 0
         self.by_address: Counter[str] = Counter()
         self._counts = dict.fromkeys(topics, 0)
-        self._costly = costly
+        self._costly = set(costly)
         self._on_change = on_change
         # Topics that add() has counted permanently: those among takers, and those for which on_change is called.
         self._lasting_takers: set[bytes] = set()
@@ -76,6 +76,19 @@ class Interest:
                     self._lasting.add(topic)
                     self._counts[topic] += 1
                 self._on_change(topic, True)
+
+    def add_costly(self, topics: Iterable[bytes], connections: Iterable[Connection]) -> None:
+        """Count subscriptions to further costly topics: those that the connections have, and later ones."""
+        wishes = [prefix for connection in connections for prefix in connection.topics]
+        for topic in topics:
+            self._costly.add(topic)
+            self._counts[topic] = sum(self._is_asked(topic, prefix) for prefix in wishes)
+            if self._counts[topic]:
+                self._on_change(topic, True)
+
+    def add_whole(self, topic: bytes, connections: Iterable[Connection]) -> None:
+        """Count subscriptions to a further complete topic: those that the connections have, and later ones."""
+        self.takers[topic] = sum(topic.startswith(prefix) for one in connections for prefix in one.topics)
 
     def _number(self, connection: Connection, step: int) -> None:
         self.total += step
