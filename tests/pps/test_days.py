@@ -19,7 +19,7 @@ from tests.pps.days.plans import AROUND_S, LOST_S, days, emulated, random_day
 from tests.pps.days.trouble import Kind, Trouble
 
 HOUR = 3_600
-PLAYED_S = 8 * HOUR  # of each day: most faults come every hour or two
+PLAYED_S = 8 * HOUR  # played of each day: most faults come every hour or two
 
 
 def begun(plan: Plan) -> Plan:
