@@ -60,12 +60,13 @@ exit codes:
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("what", metavar="WHAT", nargs="*", help="a file, a folder, a JSON object, or -")
-    parser.add_argument("--example", metavar="E", help="make a message of edition (cam-1.4.1) or type (cam) E")
-    add_edition(parser)
-    parser.add_argument("--plain", action="store_true", help='read objects without "form" in SI units')
-    parser.add_argument(
+    other = parser.add_mutually_exclusive_group()
+    other.add_argument("--example", metavar="E", help="make a message of edition (cam-1.4.1) or type (cam) E")
+    other.add_argument(
         "--schema", metavar="E", help="print the JSON schema of an edition or type; of SI units with --plain"
     )
+    add_edition(parser)
+    parser.add_argument("--plain", action="store_true", help='read objects without "form" in SI units')
     writing.add_output(parser)
     parser.set_defaults(form="json")
 
