@@ -64,8 +64,8 @@ check: setup-test ## lint, format, types, imports, construction, plain English
 	@.ci/construction
 	@.ci/words
 
-portable: setup-portable ## C with gcc, clang and for aarch64 (run by qemu): the library, built, installed, linked, run; the simulated radio
-	@CAPTAIN_PORTABLE=1 $(PYTEST) tests/asn1/backends/cmake/test_library.py tests/drivers/som301e/test_process.py $(ARGS)
+portable: setup-portable ## C with gcc, clang and for aarch64 (run by qemu): the library, built, installed, linked, run; the simulated radio; the C++ client
+	@CAPTAIN_PORTABLE=1 $(PYTEST) tests/asn1/backends/cmake/test_library.py tests/drivers/som301e/test_process.py tests/firmware/captain_client/cpp $(ARGS)
 
 reference: setup ## write firmware/reference from the code
 	@.venv/bin/python -m tests.reference

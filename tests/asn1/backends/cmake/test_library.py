@@ -15,6 +15,9 @@ import pytest
 import zmq
 
 from asn1 import cli as program
+from tests.firmware.captain_client.cpp.double import Double
+from tests.firmware.captain_client.cpp.driver import SOURCES as CLIENT
+from tests.system.ports import Ports
 
 ROOT = Path(__file__).resolve().parents[4]
 PACKAGE = Path(__file__).with_name("package")
@@ -26,7 +29,7 @@ MESSAGES = ("cam-1.4.1", "denm-1.3.1", "cpm-tr-2.1.1", "cam-2.3.1", "denm-2.3.1"
 
 
 class Toolchain(NamedTuple):
-    """cc, cxx: compilers; cmake: options; run: what stands in front of a program."""
+    """cc, cxx: compilers; cmake: options; run: words before a program."""
 
     cc: str
     cxx: str
@@ -70,7 +73,7 @@ def octets_of(module: str) -> str:
 
 
 def sh(*command: object, **options: object) -> str:
-    """What a command prints. Raises AssertionError with what it said where it fails."""
+    """Return what a command prints. Raises AssertionError with its output if it fails."""
     words = [str(word) for word in command]
     done = subprocess.run(words, capture_output=True, text=True, check=False, **options)  # type: ignore[call-overload]
     assert done.returncode == 0, f"{words}\n{done.stdout}{done.stderr}"
@@ -191,6 +194,35 @@ def test_programs_of_the_guide_read_fields_and_send_a_credible_cam(installed: In
     assert re.fullmatch(r"station 900002 at 48\.7668 11\.432\d+, 10 m/s\n", said[0])
     assert re.match(r"cam\.camParameters.*: bit \d+: truncated", said[1])
     assert said[2] == "station 2602961571 at 50.0401189 14.4050093, 20.28 m/s\n"
+
+
+@pytest.mark.parametrize("installed", ["gcc"], indirect=True)
+def test_client_sends_and_receives_structs_of_the_library(installed: Installed, tmp_path: Path):
+    sh("cmake", "-S", CLIENT, "-B", tmp_path / "client")
+    sh("cmake", "--install", tmp_path / "client", "--prefix", installed.prefix)
+    (tmp_path / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.16)\nproject(structs LANGUAGES CXX)\n"
+        "find_package(captain_client REQUIRED)\nfind_package(captain_messages REQUIRED)\n"
+        f"add_executable(structs {ROOT}/firmware/guide/examples/structs.cpp)\n"
+        "target_link_libraries(structs captain_client::captain_client captain_messages::captain_messages)\n"
+    )
+    programs = installed.program(tmp_path, tmp_path / "build")
+    ports = Ports()
+    double = Double(ports)
+    command = [programs / "structs", double.address, double.address]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child:
+        double.welcome()
+        double.welcome()
+        double.wait_for_subscription("message.cam.")
+        _, pdu, options = double.take()
+        double.confirm(options["label"], "accepted", interfaces=["g5"])
+        double.confirm(options["label"], "sent", interface="g5")
+        double.publish("message.cam.", {"run": "run-1", "sequence": 1, "type": "cam", "interface": "g5"}, pdu)
+        said = child.communicate(timeout=PATIENCE_MS / 1000)[0]
+    double.stop()
+    ports.release()
+    assert said.startswith("station 1234, interface g5\n")
+    assert "speedValue: 2778" in said
 
 
 def test_pkg_config_gives_what_a_compiler_needs(installed: Installed, tmp_path: Path):
