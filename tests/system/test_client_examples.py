@@ -3,6 +3,7 @@
 import csv
 import itertools
 import re
+import signal
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -102,6 +103,8 @@ def test_all_stations_are_rows_of_the_csv_file(bench: ExampleBench) -> None:
     with running("csv_stations.py", bench.address) as child:
         said = lines(child, lambda: [bench.airs[G5].send(cam) for cam in cams])
         rows = list(csv.DictReader(itertools.islice(said, 5)))
+        child.send_signal(signal.SIGINT)
+        assert child.wait(PATIENCE) == 0
     assert {(row["station"], row["speed"]) for row in rows} == {("7", "7"), ("8", "8")}
     assert {(row["latitude"], row["longitude"], row["interface"]) for row in rows} == {("48.7", "11.4", G5)}
 
@@ -184,12 +187,13 @@ def test_hard_braking_makes_the_recorder_keep_its_file(bench: ExampleBench) -> N
 
 
 def test_error_bound_of_a_station_without_time_is_unknown(bench: ExampleBench) -> None:
-    with running("time_bound.py", 300, bench.address) as child:
+    with running("time_bound.py", 1000, bench.address) as child:
         said = next(lines(child, lambda: None))
     assert re.fullmatch(r"not good: (unknown|system), error at most unknown", said)
 
 
 def test_error_bound_of_a_receivers_time_is_watched(timed: TimedBench) -> None:
-    with running("time_bound.py", 300, timed.address) as child:
-        said = next(lines(child, lambda: None))
-    assert re.fullmatch(r"good: coarse, error at most 2\d\d\.\d{3} ms", said)
+    with running("time_bound.py", 1000, timed.address) as child:
+        # The receiver needs a second. Until then, the bound is unknown.
+        said = next(line for line in lines(child, lambda: None) if not line.startswith("not good"))
+    assert re.fullmatch(r"good: coarse, error at most \d+\.\d{3} ms", said)

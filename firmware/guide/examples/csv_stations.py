@@ -1,6 +1,7 @@
 # csv_stations.py [STATION]
 import csv
 import sys
+from contextlib import suppress
 
 from captain_client import Station
 
@@ -8,7 +9,7 @@ VALUES = ("latitude", "longitude", "speed", "heading")
 
 rows = csv.writer(sys.stdout)
 rows.writerow(("received_s", "type", "station", *VALUES, "interface", "rssi_dbm"))
-with Station(*sys.argv[1:]) as box:
+with suppress(KeyboardInterrupt), Station(*sys.argv[1:]) as box:
     for message in box.listen("cam", "vam"):
         values = [None if message.error else message.get(name) for name in VALUES]
         received_s = message.received_ns / 1e9
