@@ -56,7 +56,7 @@ def outgoing(
 
     Raises ValueError if the arguments contradict one another, or the request is too long.
     """
-    envelope = f"v2x.{_type(kind)}." if kind else "v2x."
+    envelope = f"v2x.{check_type(kind)}." if kind else "v2x."
     asked = dict(options or {})
     if isinstance(value, bytes | bytearray | memoryview):
         if form or edition or fields:
@@ -76,7 +76,8 @@ def outgoing(
     return Outgoing(envelope.encode(), body, asked)
 
 
-def _type(kind: str) -> str:
+def check_type(kind: str) -> str:
+    """Return a message type. Raises ValueError if it is invalid."""
     if not TYPE.fullmatch(kind):
         raise ValueError(f"{kind!r}: invalid message type; lower case, such as cam")
     return kind

@@ -1,12 +1,14 @@
 """Options of the client's ZeroMQ sockets, and the cause if no station answers."""
 
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import zmq
 
 from captain_client.address import Address
 from captain_client.errors import UnreachableError
+from captain_client.requests import check_type
 
 ANSWER_S = 3.0  # a station sends a status once a second: after three missing ones it counts as absent
 # Messages that libzmq queues for a slow program: 10 s at 1,000 per second. Confirms and statuses of an idle program
@@ -41,9 +43,14 @@ def connect(end: "zmq.Socket[Any]", address: Address, port: int, *topics: bytes,
         raise ValueError(f"{address.host!r}: invalid host: {error}") from error
 
 
-def topics_of(kind: str, *names: str) -> tuple[bytes, ...]:
-    """Return the topics of a kind of report, such as `message`, by name; all of the kind without names."""
+def topics_of(kind: str, names: Sequence[str]) -> tuple[bytes, ...]:
+    """Return the topics of a kind of report, such as `frame`, by name; all of the kind without names."""
     return tuple(f"{kind}.{name}.".encode() for name in names) or (f"{kind}.".encode(),)
+
+
+def topics_of_types(kind: str, types: Sequence[str]) -> tuple[bytes, ...]:
+    """Return the topics of a kind of report by message type. Raises ValueError for an invalid type."""
+    return topics_of(kind, [check_type(one) for one in types])
 
 
 def ms_until(deadline: float) -> int:

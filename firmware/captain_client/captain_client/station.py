@@ -6,32 +6,19 @@ with Station() as box:
         print(message.station, message.get("cause"))
 """
 
-import socket
-import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Any, Generic, TypeVar
 
-import zmq
-
 from captain_client import control
 from captain_client.address import Address, parse
-from captain_client.errors import UnreachableError
+from captain_client.link import Link
 from captain_client.message import Message
 from captain_client.reception import Reception, Tally
 from captain_client.reports import Frame, frame_of, object_of
-from captain_client.requests import STATUS, Confirmed, Request, Requests, outgoing
-from captain_client.sockets import (
-    ANSWER_S,
-    AT_ONCE,
-    CONFIRM,
-    HIGH_WATER_OF_REPORTS,
-    connect,
-    ms_until,
-    topics_of,
-    unreachable,
-)
+from captain_client.requests import STATUS, Confirmed, Request, outgoing
+from captain_client.sockets import ANSWER_S, topics_of, topics_of_types
 
 T = TypeVar("T")
 
@@ -49,20 +36,9 @@ class Station:
 
     def __init__(self, address: str | Address = "", *, timeout_s: float = ANSWER_S, control: str = "") -> None:
         self.address = parse(address) if isinstance(address, str) else address
-        self._timeout_s = timeout_s
         self._control = control
         self._tally = Tally()
-        self._requests = Requests()
-        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        try:
-            self._reports = self._context.socket(zmq.SUB)
-            connect(self._reports, self.address, self.address.report, CONFIRM, STATUS, most=HIGH_WATER_OF_REPORTS)
-            self._push = self._context.socket(zmq.PUSH)
-            connect(self._push, self.address, self.address.pull)
-            self._join()
-        except BaseException:
-            self.close()
-            raise
+        self._link = Link(self.address, timeout_s)
 
     def __enter__(self) -> "Station":
         return self
@@ -74,7 +50,7 @@ class Station:
 
     def close(self) -> None:
         """Close all sockets. Messages that libzmq has not yet written are discarded: wait for confirmed() before."""
-        self._context.destroy(linger=0)
+        self._link.close()
 
     # -- sending
 
@@ -101,26 +77,7 @@ class Station:
         Raises ValueError for contradictory arguments, and UnreachableError if the station does not take the message
         within the timeout of the constructor. The station's own refusal is raised by confirmed().
         """
-        out = outgoing(kind, message, form, edition, options, fields)
-        deadline = time.monotonic() + self._timeout_s
-        self._take_reports()
-        while True:
-            request, frames = self._requests.open(kind, out, time.monotonic())
-            try:
-                self._push.send_multipart(frames, zmq.NOBLOCK)
-            except zmq.Again:  # the connection has ended
-                self._requests.forget(request)
-            else:
-                return Sent(self, request)
-            if not self._push.poll(ms_until(deadline), zmq.POLLOUT):
-                raise self._unreachable(self.address.pull)
-
-    def wait_for(self, request: Request, timeout_s: float) -> None:
-        """Read confirms until a request is over, at most timeout_s seconds."""
-        deadline = time.monotonic() + timeout_s
-        self._take_reports()
-        while not request.is_over and self._reports.poll(ms_until(deadline)):
-            self._take_reports()
+        return Sent(self._link, self._link.send(kind, outgoing(kind, message, form, edition, options, fields)))
 
     # -- receiving
 
@@ -130,24 +87,27 @@ class Station:
         types      message types, such as `cam`; default: all.
         timeout_s  end the iteration if no message arrives for this time in seconds; default: wait without limit.
 
-        Raises UnreachableError like the constructor.
+        Raises UnreachableError like the constructor, and ValueError for an invalid type.
         """
-        return Subscription(self, topics_of("message", *types), Reception(self._tally).read, timeout_s)
+        return self._subscription(topics_of_types("message", types), Reception(self._tally).read, timeout_s)
 
     def indications(self, *types: str, timeout_s: float | None = None) -> "Subscription[dict[str, Any]]":
         """Return an iterator over indications: the receptions of each interface, duplicates included.
 
-        Raises UnreachableError like the constructor.
+        Raises UnreachableError like the constructor, and ValueError for an invalid type.
         """
-        return Subscription(self, topics_of("indication", *types), object_of, timeout_s)
+        return self._subscription(topics_of_types("indication", types), object_of, timeout_s)
 
     def confirms(self, *types: str, timeout_s: float | None = None) -> "Subscription[dict[str, Any]]":
-        """Return an iterator over the confirms of all users' requests. Raises UnreachableError like the constructor."""
-        return Subscription(self, topics_of("confirm", *types), object_of, timeout_s)
+        """Return an iterator over the confirms of all users' requests.
+
+        Raises UnreachableError like the constructor, and ValueError for an invalid type.
+        """
+        return self._subscription(topics_of_types("confirm", types), object_of, timeout_s)
 
     def frames(self, *interfaces: str, timeout_s: float | None = None) -> "Subscription[Frame]":
         """Return an iterator over frames that come and leave. Raises UnreachableError like the constructor."""
-        return Subscription(self, topics_of("frame", *interfaces), frame_of, timeout_s)
+        return self._subscription(topics_of("frame", interfaces), frame_of, timeout_s)
 
     def status(self) -> dict[str, Any]:
         """Return the station's status. Raises UnreachableError if none arrives within ANSWER_S."""
@@ -186,70 +146,16 @@ class Station:
         """
         control.ask(control.path_of(self.address, self._control), "reload", control.RELOAD_S)
 
-    # -- sockets
-
-    def subscribe(self, topics: tuple[bytes, ...]) -> "zmq.Socket[bytes]":
-        """Return a new SUB socket, connected in the background to the report port, with a subscription to a status."""
-        end = self._context.socket(zmq.SUB)
-        connect(end, self.address, self.address.report, *topics, STATUS)
-        return end
-
-    def receive(self, end: "zmq.Socket[bytes]", timeout_s: float | None) -> list[bytes] | None:
-        """Return the next message of a socket; None after the timeout in seconds. Reads confirms meanwhile."""
-        deadline = None if timeout_s is None else time.monotonic() + timeout_s
-        poller = zmq.Poller()
-        poller.register(end, zmq.POLLIN)
-        poller.register(self._reports, zmq.POLLIN)
-        while ready := dict(poller.poll(None if deadline is None else ms_until(deadline))):
-            if self._reports in ready:
-                self._take_reports()
-            if end in ready:
-                return end.recv_multipart()
-        return None
-
-    def first_status(self, end: "zmq.Socket[bytes]") -> Iterator[list[bytes]]:
-        """Yield messages of a new socket, up to the first status, which proves its subscriptions.
-
-        Raises UnreachableError if no status comes within the timeout of the constructor.
-        """
-        deadline = time.monotonic() + self._timeout_s
-        while (frames := self.receive(end, deadline - time.monotonic())) is not None:
-            yield frames
-            if frames[0] == STATUS:
-                return
-        raise self._unreachable(self.address.report)
-
-    def _join(self) -> None:
-        """Wait for the first status, and for the connection to the PULL port."""
-        deadline = time.monotonic() + self._timeout_s
-        while self._requests.run is None:
-            if not self._reports.poll(ms_until(deadline)):
-                raise self._unreachable(self.address.report)
-            self._take_reports()
-        if not self._push.poll(ms_until(deadline), zmq.POLLOUT):
-            raise self._unreachable(self.address.pull)
-
-    def _take_reports(self) -> None:
-        """Give the confirms and statuses that have arrived to the open requests."""
-        for _ in range(AT_ONCE):
-            try:
-                frames = self._reports.recv_multipart(zmq.NOBLOCK)
-            except zmq.Again:
-                return
-            self._requests.report(frames, time.monotonic())
+    def _subscription(
+        self, topics: tuple[bytes, ...], read: Callable[[list[bytes]], T | None], timeout_s: float | None
+    ) -> "Subscription[T]":
+        return Subscription(self._link, topics, read, timeout_s)
 
     def _next(self, topic: bytes) -> dict[str, Any]:
-        with Subscription(self, (topic,), object_of, ANSWER_S) as reports:
+        with self._subscription((topic,), object_of, ANSWER_S) as reports:
             for report in reports:
                 return report
-        raise self._unreachable(self.address.report)
-
-    def _unreachable(self, port: int) -> UnreachableError:
-        try:
-            socket.create_connection((self.address.host, port), 0.5).close()
-        except (OSError, UnicodeError) as error:  # UnicodeError: an invalid host name
-            return unreachable(self.address, port, getattr(error, "strerror", None) or str(error))
-        return unreachable(self.address, port, "")
+        raise self._link.unreachable(self.address.report)
 
 
 class Sent:
@@ -258,9 +164,9 @@ class Sent:
     label  label in its confirms.
     """
 
-    def __init__(self, station: Station, request: Request) -> None:
+    def __init__(self, link: Link, request: Request) -> None:
         self.label = request.label
-        self._station = station
+        self._link = link
         self._request = request
 
     def confirmed(self, timeout_s: float = ANSWER_S) -> Confirmed:
@@ -269,7 +175,7 @@ class Sent:
         Raises RefusedError if the station refused it or no interface sent it, and UnconfirmedError after timeout_s
         seconds, or if the station was restarted meanwhile.
         """
-        self._station.wait_for(self._request, timeout_s)
+        self._link.wait_for(self._request, timeout_s)
         return self._request.outcome()
 
 
@@ -286,17 +192,17 @@ class Subscription(Generic[T]):
 
     def __init__(
         self,
-        station: Station,
+        link: Link,
         topics: tuple[bytes, ...],
         read: Callable[[list[bytes]], T | None],
         timeout_s: float | None,
     ) -> None:
-        self._station = station
+        self._socket = link.subscribe(topics)
+        self._link = link
         self._topics = topics
         self._read = read
         self._timeout_s = timeout_s
-        self._socket = station.subscribe(topics)
-        self._early = deque(station.first_status(self._socket))
+        self._early = deque(link.first_status(self._socket))
         if STATUS not in topics:
             self._socket.unsubscribe(STATUS)
 
@@ -325,4 +231,4 @@ class Subscription(Generic[T]):
         self._socket.close()
 
     def _take(self) -> list[bytes] | None:
-        return self._early.popleft() if self._early else self._station.receive(self._socket, self._timeout_s)
+        return self._early.popleft() if self._early else self._link.receive(self._socket, self._timeout_s)

@@ -1,0 +1,159 @@
+"""asyncio link to a station: sockets for requests, confirms and subscriptions."""
+
+import asyncio
+import contextlib
+import time
+from collections import deque
+
+import zmq
+import zmq.asyncio
+
+from captain_client.address import Address
+from captain_client.errors import UnreachableError
+from captain_client.link import PROBE_S
+from captain_client.requests import STATUS, Outgoing, Request, Requests
+from captain_client.sockets import (
+    AT_ONCE,
+    CONFIRM,
+    HIGH_WATER,
+    HIGH_WATER_OF_REPORTS,
+    connect,
+    ms_until,
+    unreachable,
+)
+
+
+class Inlet:
+    """SUB socket that is read in batches: waiting costs ten times as much as reading.
+
+    Parameters: those of sockets.connect().
+    """
+
+    def __init__(self, context: zmq.asyncio.Context, address: Address, *topics: bytes, most: int = HIGH_WATER) -> None:
+        self._socket = context.socket(zmq.SUB)
+        connect(self._socket, address, address.report, *topics, most=most)
+        self._plain: zmq.Socket[bytes] = zmq.Socket.shadow(self._socket)
+        self._arrived: deque[list[bytes]] = deque()
+
+    async def next(self, deadline: float | None) -> list[bytes] | None:
+        """Return the next message; None at the deadline, a time of the monotonic clock in seconds."""
+        self._take()
+        while not self._arrived:
+            left_ms = None if deadline is None else ms_until(deadline)
+            if left_ms == 0:
+                return None
+            await self._socket.poll(left_ms)  # may return before its timeout without a message
+            self._take()
+        return self._arrived.popleft()
+
+    def unsubscribe(self, topic: bytes) -> None:
+        self._plain.unsubscribe(topic)
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def _take(self) -> None:
+        for _ in range(0 if self._arrived else AT_ONCE):
+            try:
+                self._arrived.append(self._plain.recv_multipart(zmq.NOBLOCK))
+            except zmq.Again:
+                return
+
+
+class Link:
+    """Sockets to one station. Create it in a coroutine, then await join().
+
+    timeout_s  seconds to wait for the station: in join(), in send() and for each subscription.
+
+    Raises ValueError for an invalid host name.
+    """
+
+    def __init__(self, address: Address, timeout_s: float) -> None:
+        self.timeout_s = timeout_s
+        self._address = address
+        self._requests = Requests()
+        self._context = zmq.asyncio.Context()
+        self._reader: asyncio.Task[None] | None = None
+        try:
+            self._reports = Inlet(self._context, address, CONFIRM, STATUS, most=HIGH_WATER_OF_REPORTS)
+            self._push = self._context.socket(zmq.PUSH)
+            connect(self._push, address, address.pull)
+            self._plain_push: zmq.Socket[bytes] = zmq.Socket.shadow(self._push)
+        except BaseException:
+            self._context.destroy(linger=0)
+            raise
+
+    async def join(self) -> None:
+        """Wait for the first status, and for the connection to the PULL port. Then read confirms in a task.
+
+        Raises UnreachableError if no station answers in time.
+        """
+        deadline = time.monotonic() + self.timeout_s
+        while self._requests.run is None:
+            frames = await self._reports.next(deadline)
+            if frames is None:
+                raise await self.unreachable(self._address.report)
+            self._requests.report(frames, time.monotonic())
+        await self._writable(deadline)
+        self._reader = asyncio.create_task(self._read())
+
+    async def close(self) -> None:
+        if self._reader is not None:
+            self._reader.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._reader
+        self._context.destroy(linger=0)
+
+    async def send(self, kind: str, out: Outgoing) -> Request:
+        """Send a request. Raises UnreachableError if the station does not take it in time."""
+        deadline = time.monotonic() + self.timeout_s
+        while True:
+            request, frames = self._requests.open(kind, out, time.monotonic())
+            try:
+                self._plain_push.send_multipart(frames, zmq.NOBLOCK)
+            except zmq.Again:  # the connection has ended
+                self._requests.forget(request)
+            else:
+                return request
+            await self._writable(deadline)
+
+    def subscribe(self, topics: tuple[bytes, ...]) -> Inlet:
+        """Return a new inlet, subscribed in the background to topics and to a status."""
+        return Inlet(self._context, self._address, *topics, STATUS)
+
+    async def first_status(self, inlet: Inlet) -> deque[list[bytes]]:
+        """Return the messages of a new inlet up to the first status, which proves its subscriptions.
+
+        Raises UnreachableError if none comes in time.
+        """
+        deadline = time.monotonic() + self.timeout_s
+        early: deque[list[bytes]] = deque()
+        while not early or early[-1][0] != STATUS:
+            frames = await inlet.next(deadline)
+            if frames is None:
+                raise await self.unreachable(self._address.report)
+            early.append(frames)
+        return early
+
+    async def unreachable(self, port: int) -> UnreachableError:
+        """Return the error for a port at which no station answers, with the cause."""
+        try:
+            opened = asyncio.open_connection(self._address.host, port)
+            _, writer = await asyncio.wait_for(opened, PROBE_S)
+        except (OSError, UnicodeError, asyncio.TimeoutError) as error:  # UnicodeError: an invalid host name
+            return unreachable(self._address, port, getattr(error, "strerror", None) or str(error) or "timeout")
+        writer.close()
+        return unreachable(self._address, port, "")
+
+    async def _writable(self, deadline: float) -> None:
+        """Wait for the connection to the PULL port. Raises UnreachableError at the deadline."""
+        while not self._plain_push.poll(0, zmq.POLLOUT):
+            if not (left_ms := ms_until(deadline)):
+                raise await self.unreachable(self._address.pull)
+            # Another task may use up the event: then poll() returns 0 before its timeout.
+            await self._push.poll(left_ms, zmq.POLLOUT)  # type: ignore[call-arg]  # the stub has no flags
+
+    async def _read(self) -> None:
+        """Give confirms and statuses to the open requests, until the task is cancelled."""
+        while (frames := await self._reports.next(None)) is not None:
+            self._requests.report(frames, time.monotonic())

@@ -1,0 +1,120 @@
+"""Blocking link to a station: sockets for requests, confirms and subscriptions, without threads."""
+
+import socket
+import time
+from collections.abc import Iterator
+
+import zmq
+
+from captain_client.address import Address
+from captain_client.errors import UnreachableError
+from captain_client.requests import STATUS, Outgoing, Request, Requests
+from captain_client.sockets import AT_ONCE, CONFIRM, HIGH_WATER_OF_REPORTS, connect, ms_until, unreachable
+
+PROBE_S = 0.5  # time limit for a TCP connection that finds out why no station answers
+
+
+class Link:
+    """Sockets to one station, proven by a status and by the connection to the PULL port.
+
+    timeout_s  seconds to wait for the station: in the constructor, in send() and for each subscription.
+
+    Raises UnreachableError if no station answers in time, and ValueError for an invalid host name.
+    """
+
+    def __init__(self, address: Address, timeout_s: float) -> None:
+        self._address = address
+        self._timeout_s = timeout_s
+        self._requests = Requests()
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        try:
+            self._reports = self._context.socket(zmq.SUB)
+            connect(self._reports, address, address.report, CONFIRM, STATUS, most=HIGH_WATER_OF_REPORTS)
+            self._push = self._context.socket(zmq.PUSH)
+            connect(self._push, address, address.pull)
+            self._join()
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        self._context.destroy(linger=0)
+
+    def send(self, kind: str, out: Outgoing) -> Request:
+        """Send a request. Raises UnreachableError if the station does not take it in time."""
+        deadline = time.monotonic() + self._timeout_s
+        self._take_reports()
+        while True:
+            request, frames = self._requests.open(kind, out, time.monotonic())
+            try:
+                self._push.send_multipart(frames, zmq.NOBLOCK)
+            except zmq.Again:  # the connection has ended
+                self._requests.forget(request)
+            else:
+                return request
+            if not self._push.poll(ms_until(deadline), zmq.POLLOUT):
+                raise self.unreachable(self._address.pull)
+
+    def wait_for(self, request: Request, timeout_s: float) -> None:
+        """Read confirms until a request is over, at most timeout_s seconds."""
+        deadline = time.monotonic() + timeout_s
+        self._take_reports()
+        while not request.is_over and self._reports.poll(ms_until(deadline)):
+            self._take_reports()
+
+    def subscribe(self, topics: tuple[bytes, ...]) -> "zmq.Socket[bytes]":
+        """Return a new socket, subscribed in the background to topics and to a status."""
+        end = self._context.socket(zmq.SUB)
+        connect(end, self._address, self._address.report, *topics, STATUS)
+        return end
+
+    def first_status(self, end: "zmq.Socket[bytes]") -> Iterator[list[bytes]]:
+        """Yield the messages of a new socket up to the first status, which proves its subscriptions.
+
+        Raises UnreachableError if none comes in time.
+        """
+        deadline = time.monotonic() + self._timeout_s
+        while (frames := self.receive(end, deadline - time.monotonic())) is not None:
+            yield frames
+            if frames[0] == STATUS:
+                return
+        raise self.unreachable(self._address.report)
+
+    def receive(self, end: "zmq.Socket[bytes]", timeout_s: float | None) -> list[bytes] | None:
+        """Return the next message of a socket; None after the timeout in seconds. Reads confirms meanwhile."""
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        poller = zmq.Poller()
+        poller.register(end, zmq.POLLIN)
+        poller.register(self._reports, zmq.POLLIN)
+        while ready := dict(poller.poll(None if deadline is None else ms_until(deadline))):
+            if self._reports in ready:
+                self._take_reports()
+            if end in ready:
+                return end.recv_multipart()
+        return None
+
+    def unreachable(self, port: int) -> UnreachableError:
+        """Return the error for a port at which no station answers, with the cause."""
+        try:
+            socket.create_connection((self._address.host, port), PROBE_S).close()
+        except (OSError, UnicodeError) as error:  # UnicodeError: an invalid host name
+            return unreachable(self._address, port, getattr(error, "strerror", None) or str(error))
+        return unreachable(self._address, port, "")
+
+    def _join(self) -> None:
+        deadline = time.monotonic() + self._timeout_s
+        while self._requests.run is None:
+            if not self._reports.poll(ms_until(deadline)):
+                raise self.unreachable(self._address.report)
+            self._take_reports()
+        if not self._push.poll(ms_until(deadline), zmq.POLLOUT):
+            raise self.unreachable(self._address.pull)
+
+    def _take_reports(self) -> None:
+        """Give the confirms and statuses that have arrived to the open requests."""
+        for _ in range(AT_ONCE):
+            try:
+                frames = self._reports.recv_multipart(zmq.NOBLOCK)
+            except zmq.Again:
+                return
+            self._requests.report(frames, time.monotonic())
