@@ -57,7 +57,7 @@ class Station:
         await self.close()
 
     async def close(self) -> None:
-        """Close all sockets. Messages that libzmq has not yet written are discarded: wait for confirmed() before."""
+        """Close all sockets. Requests that libzmq has not yet written are written first, within a second."""
         await self._link.close()
 
     # -- sending

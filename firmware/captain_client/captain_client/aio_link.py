@@ -80,7 +80,7 @@ class Link:
             connect(self._push, address, address.pull)
             self._plain_push: zmq.Socket[bytes] = zmq.Socket.shadow(self._push)
         except BaseException:
-            self._context.destroy(linger=0)
+            self._context.destroy()
             raise
 
     async def join(self) -> None:
@@ -102,7 +102,7 @@ class Link:
             self._reader.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await self._reader
-        self._context.destroy(linger=0)
+        self._context.destroy()
 
     async def send(self, kind: str, out: Outgoing) -> Request:
         """Send a request. Raises UnreachableError if the station does not take it in time."""

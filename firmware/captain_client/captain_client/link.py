@@ -38,7 +38,7 @@ class Link:
             raise
 
     def close(self) -> None:
-        self._context.destroy(linger=0)
+        self._context.destroy()
 
     def send(self, kind: str, out: Outgoing) -> Request:
         """Send a request. Raises UnreachableError if the station does not take it in time."""

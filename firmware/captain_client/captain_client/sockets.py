@@ -14,6 +14,7 @@ ANSWER_S = 3.0  # a station sends a status once a second: after three missing on
 # Messages that libzmq queues for a slow program: 10 s at 1,000 per second. Confirms and statuses of an idle program
 # take at most 1,000 places, some 2 MB.
 HIGH_WATER, HIGH_WATER_OF_REPORTS = 10_000, 1_000
+LINGER_MS = 1_000  # time at the end for requests that libzmq has not yet written
 MOST_OCTETS = 1 << 20  # longest frame; a status of a hundred interfaces has 100 kB
 # ZMTP heartbeats detect a station that has lost its power or network: TCP does not notice.
 HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 1_000, 3_000
@@ -27,7 +28,7 @@ def connect(end: "zmq.Socket[Any]", address: Address, port: int, *topics: bytes,
     Raises ValueError if the host name is invalid.
     """
     end.set(zmq.RCVHWM, most)
-    end.set(zmq.LINGER, 0)
+    end.set(zmq.LINGER, LINGER_MS if end.type == zmq.PUSH else 0)
     end.set(zmq.MAXMSGSIZE, MOST_OCTETS)
     end.set(zmq.IPV6, 1)
     end.set(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)

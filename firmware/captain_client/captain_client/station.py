@@ -49,7 +49,7 @@ class Station:
         self.close()
 
     def close(self) -> None:
-        """Close all sockets. Messages that libzmq has not yet written are discarded: wait for confirmed() before."""
+        """Close all sockets. Requests that libzmq has not yet written are written first, within a second."""
         self._link.close()
 
     # -- sending

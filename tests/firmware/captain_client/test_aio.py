@@ -52,6 +52,17 @@ def test_messages_of_many_tasks_are_confirmed(bench: Bench, air: Air):
     assert len({air.hear().pdu for _ in range(300)}) == 300
 
 
+def test_messages_that_are_sent_just_before_the_end_of_the_program_reach_the_air(bench: Bench, air: Air):
+    pdus = [mark() for _ in range(100)]
+
+    async def use(box: Station) -> None:
+        for pdu in pdus:
+            await box.send("cam", pdu)
+
+    run(bench, use)
+    assert [air.hear().pdu for _ in pdus] == pdus
+
+
 def test_message_by_short_names_that_is_out_of_range_is_refused(bench: Bench):
     async def use(box: Station) -> None:
         await (await box.send("cam", speed=999.0)).confirmed()

@@ -48,6 +48,14 @@ def test_pdu_reaches_the_air_and_is_confirmed_by_its_interface(box: Station, air
     assert (confirmed.type, confirmed.sent, confirmed.dropped) == ("cam", ("g5",), {})
 
 
+def test_messages_that_are_sent_just_before_the_end_of_the_program_reach_the_air(bench: Bench, air: Air):
+    pdus = [mark() for _ in range(100)]
+    with Station(address_of(bench)) as station:
+        for pdu in pdus:
+            station.send("cam", pdu)
+    assert [air.hear().pdu for _ in pdus] == pdus
+
+
 def test_message_by_short_names_has_the_position_and_number_of_the_station(box: Station, air: Air):
     box.send("cam", speed=13.9, heading=90.0).confirmed()
     cam = Message(air.hear().pdu, TOLD, 0)
