@@ -77,7 +77,7 @@ public:
     {
         return send_json(type, "message", message, form == Form::json ? "json" : "plain", options);
     }
-    /// Send the octets of a message. Throws UnreachableError.
+    /// Send the octets of a message; with an empty type, the station reads it from the octets. Throws UnreachableError.
     Sent send_pdu(const std::string &type, const Octets &pdu, const nlohmann::json &options = {})
     {
         return {connection_, connection_->send(type, pdu.data(), pdu.size(), checked(options))};

@@ -127,6 +127,19 @@ def test_range_of_messages_continues_after_a_restart(double: Double, listening: 
     assert listening.line()["said"] == ["cam", "denm"]
 
 
+def test_listener_outlives_its_station_and_is_replaced(double: Double, driver: Driver) -> None:
+    driver.tell("listen_elsewhere", address=double.address)
+    double.welcome()
+    assert driver.line() == {"said": None}
+    double.wait_for_subscription("plain.")
+    double.publish_plain(1, message=MESSAGE)
+    assert driver.ask("next")["station"] == 4711
+    driver.ask("listen")
+    double.wait_for_subscription("plain.")
+    double.publish_plain(2, message=MESSAGE)
+    assert driver.ask("next")["station"] == 4711
+
+
 def test_reports_have_topic_object_and_third_frame(double: Double, driver: Driver) -> None:
     driver.ask("reports", topics=["frame.g5.", "time."])
     double.wait_for_subscription("time.")

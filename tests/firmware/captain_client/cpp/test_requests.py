@@ -34,6 +34,8 @@ def test_send_message_writes_its_form(double: Double, driver: Driver, form: str)
 def test_send_pdu_writes_its_octets(double: Double, driver: Driver) -> None:
     label = driver.ask("send_pdu", type="denm", pdu=[2, 1, 0])
     assert double.take() == (b"v2x.denm.", b"\2\1\0", {"label": label})
+    driver.ask("send_pdu", type="", pdu=[2, 1, 0])
+    assert double.take()[0] == b"v2x."
 
 
 def test_confirmed_waits_for_each_interface(double: Double, driver: Driver) -> None:

@@ -40,7 +40,7 @@ public:
     /// Connect, and wait until the station answers. Throws UnreachableError if it does not within the timeout.
     Connection(Address address, Milliseconds timeout)
         : address_(std::move(address)), timeout_(timeout), push_(connected(zmq::socket_type::push, address_.push())),
-          reports_(subscribed({"confirm.", "status."}))
+          reports_(subscribed({"confirm.", "status."}, high_water_of_reports))
     {
         next_status();
         zmq::pollitem_t item{push_.handle(), 0, ZMQ_POLLOUT, 0};
@@ -48,10 +48,12 @@ public:
             throw unreachable(address_.push());
     }
 
-    /// Return a socket that is subscribed to topics. It has its own queue; libzmq discards what does not fit into it.
-    zmq::socket_t subscribed(const std::vector<std::string> &topics)
+    static constexpr int high_water = 10'000; // messages that a listener queues: 10 s at 1,000 per second
+
+    /// Return a socket that is subscribed to topics. It queues `most` messages; libzmq discards further ones.
+    zmq::socket_t subscribed(const std::vector<std::string> &topics, int most = high_water)
     {
-        zmq::socket_t socket = connected(zmq::socket_type::sub, address_.report());
+        zmq::socket_t socket = connected(zmq::socket_type::sub, address_.report(), most);
         for (const std::string &topic : topics)
             socket.set(zmq::sockopt::subscribe, topic);
         return socket;
@@ -65,12 +67,14 @@ public:
         take_reports();
         const auto request = requests_.open(type, std::chrono::steady_clock::now());
         options["label"] = request->label;
-        const std::string envelope = "v2x." + type + ".", last = options.dump();
+        const std::string envelope = type.empty() ? "v2x." : "v2x." + type + ".", last = options.dump();
         zmq::pollitem_t item{push_.handle(), 0, ZMQ_POLLOUT, 0};
-        const bool is_sent = poll(&item, 1, timeout_) && sends(zmq::buffer(envelope), zmq::send_flags::sndmore)
-                             && sends(zmq::const_buffer(body, octets), zmq::send_flags::sndmore)
-                             && sends(zmq::buffer(last), zmq::send_flags::none);
-        if (!is_sent)
+        if (!poll(&item, 1, timeout_) || !sends(zmq::buffer(envelope), zmq::send_flags::sndmore))
+            throw unreachable(address_.push());
+        // If the connection ends meanwhile, libzmq discards the remaining frames, which it must get for this purpose.
+        const bool has_body = sends(zmq::const_buffer(body, octets), zmq::send_flags::sndmore);
+        const bool has_options = sends(zmq::buffer(last), zmq::send_flags::none);
+        if (!has_body || !has_options)
             throw unreachable(address_.push());
         return request;
     }
@@ -112,16 +116,16 @@ public:
 private:
     static constexpr std::size_t most_octets = 0xFFFF;   // libzmq in the station ends the connection at a longer frame
     static constexpr std::int64_t most_received = 1 << 20; // octets: a status of a hundred interfaces has 100 kB
-    static constexpr int high_water = 10'000;              // messages: 10 s at 1,000 per second
+    static constexpr int high_water_of_reports = 1000;     // confirms and statuses of an idle program: some 2 MB
     static constexpr int linger_ms = 1000;                 // a program that sends and ends at once
     // ZMTP heartbeats detect a station that has lost its power or network: TCP does not notice.
     static constexpr int heartbeat_ms = 1000, heartbeat_timeout_ms = 3000;
 
-    zmq::socket_t connected(zmq::socket_type type, const std::string &endpoint)
+    zmq::socket_t connected(zmq::socket_type type, const std::string &endpoint, int most = high_water)
     {
         zmq::socket_t socket(context_, type);
         socket.set(zmq::sockopt::ipv6, true);
-        socket.set(zmq::sockopt::rcvhwm, high_water);
+        socket.set(zmq::sockopt::rcvhwm, most);
         socket.set(zmq::sockopt::maxmsgsize, most_received);
         socket.set(zmq::sockopt::heartbeat_ivl, heartbeat_ms);
         socket.set(zmq::sockopt::heartbeat_timeout, heartbeat_timeout_ms);

@@ -49,6 +49,14 @@ public:
         : connection_(std::move(connection)), socket_(connection_->subscribed(topics))
     {
     }
+    Reports(Reports &&) = default;
+    /// The former socket is closed before its connection: libzmq would wait for it.
+    Reports &operator=(Reports other) noexcept
+    {
+        connection_.swap(other.connection_);
+        socket_.swap(other.socket_);
+        return *this;
+    }
 
     /// Wait for the next report. Returns nothing after the timeout, or when a signal handler has run.
     std::optional<Report> next(std::optional<Milliseconds> timeout = std::nullopt)

@@ -55,6 +55,8 @@ struct Driver {
             return shown(sent->confirmed(captain_client::Milliseconds(question.value("timeout_ms", PATIENCE.count()))));
         if (verb == "listen")
             return listener = box.listen(question.value("types", std::vector<std::string>()), form_of(question)), json();
+        if (verb == "listen_elsewhere")
+            return listener = captain_client::Station(question["address"]).listen(), json();
         if (verb == "next") {
             const auto message = listener->next(captain_client::Milliseconds(question.value("timeout_ms", PATIENCE.count())));
             return message ? shown(last = *message) : json();
