@@ -42,16 +42,16 @@ class Decoded:
         if not fits:
             raise StationError(f"{kind or 'message'}: unknown protocolVersion or messageID: {pdu[:2].hex()}")
         self._pdu = pdu
-        self.edition = fits[0] if len(fits) == 1 else min(fits, key=lambda one: _misfit(one, pdu, kind))
+        self.edition = _best(fits, pdu, kind)
         try:
             self.view = self.edition.view(pdu)
-            self._exact = self.edition.to_json(pdu)
+            self.edition.leaves(pdu)  # reads all of the message; a view reads only what is asked of it
         except (ValueError, MemoryError) as error:
             raise StationError(f"{self.edition.name}: {error}") from error
 
     def exact(self) -> dict[str, Any]:
         """Return the message with the integers of the standard: the dialect `json`."""
-        return _object(self._exact)
+        return _object(self.edition.to_json(self._pdu))
 
     def plain(self) -> dict[str, Any]:
         """Return the message in SI units, degrees and names: the dialect `plain`."""
@@ -100,19 +100,30 @@ def _of_header() -> dict[bytes, list[Edition]]:
     return found
 
 
-def _misfit(edition: Edition, pdu: bytes, kind: str) -> tuple[bool, bool, int, bool]:
-    """Return a sort key of an edition: the least one fits the PDU best.
+def _best(editions: Sequence[Edition], pdu: bytes, kind: str) -> Edition:
+    """Return the edition that fits a PDU best. editions: those of its header, preferred ones first.
 
-    The best edition has the type of the envelope and decodes the PDU. It knows most parts of the PDU, and all its
-    constraints hold.
+    It has the type of the envelope, decodes the PDU, and knows most parts of it. Of several such editions, the first
+    one whose constraints all hold is returned.
     """
+    if len(editions) == 1:
+        return editions[0]
+    misfits = [_misfit(one, pdu, kind) for one in editions]
+    best = [one for one, misfit in zip(editions, misfits, strict=True) if misfit == min(misfits)]
+    return next((one for one in best if _is_valid(one, pdu)), best[0])
+
+
+def _misfit(edition: Edition, pdu: bytes, kind: str) -> tuple[bool, bool, int]:
     is_other = re.sub(r"[.-]", "_", edition.type) != kind
     try:
-        _, unknown = edition.leaves(pdu)
+        return is_other, False, edition.leaves(pdu)[1]
     except (ValueError, MemoryError):
-        return is_other, True, 0, True
+        return is_other, True, 0
+
+
+def _is_valid(edition: Edition, pdu: bytes) -> bool:
     try:
         edition.validate(pdu)
     except (ValueError, MemoryError):
-        return is_other, False, unknown, True
-    return is_other, False, unknown, False
+        return False
+    return True
