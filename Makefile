@@ -142,7 +142,7 @@ outages: setup-test ## a vehicle's network: HOURS=24 of it in virtual time, then
 	@.venv/bin/python -m tests.proof.outage.virtual --hours $(or $(HOURS),24) --seeds 1 2 3
 	@.venv/bin/python -m tests.proof.outage --duration $(or $(DURATION),1800) $(ARGS)
 
-client: setup-test ## the Python client while the station is restarted: exact sums of requests and messages; ARGS='--duration 6 --restarts 2'
+client: setup-test ## the Python client while the station is restarted: exact sums of requests and messages; ARGS='--duration 8 --restarts 2'
 	@.venv/bin/python -m tests.proof.client $(ARGS)
 
 facilities: setup-test ## requests in JSON while the facilities process is killed: one outcome each; ARGS='--requests 200 --kills 3'

@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from captain_client import Message, RefusedError, Sent, Station, StationError, aio
 
 READY, END = 0xF000_0001, 0xF000_0002
-OPEN = 100  # requests whose outcome a blocking program asks for later: half a second of them
+OPEN = 100  # most open requests of a program: half a second of them
 CONFIRM_S = 5.0  # timeout of a confirm; longer than a restart
 
 
@@ -91,6 +91,7 @@ async def asyncio_user(box: aio.Station, count: int, rate: float) -> tuple[dict[
     """Send and receive at once. The requests begin with the first DENM."""
     outcomes: dict[int, str] = {}
     counted = Count()
+    few = asyncio.Semaphore(OPEN)
 
     async def request(number: int) -> None:
         try:
@@ -99,11 +100,14 @@ async def asyncio_user(box: aio.Station, count: int, rate: float) -> tuple[dict[
             outcomes[number] = "confirmed"
         except StationError as error:
             outcomes[number] = name_of(error)
+        finally:
+            few.release()
 
     async def send() -> None:
         async with asyncio.TaskGroup() as tasks:
             for number, pause in moments(count, rate):
                 await asyncio.sleep(pause)
+                await few.acquire()
                 tasks.create_task(request(number))
 
     sending = None
