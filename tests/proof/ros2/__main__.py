@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 
 from asn1.backends.ros2.model import RosPackage
 from asn1.backends.ros2.options import PROFILES
-from tests.proof.ros2 import cdr, debian, gateway, hashes, packages, recording, ros, typed, wheel
+from tests.proof.ros2 import cdr, debian, gateway, guide, hashes, packages, recording, ros, typed, wheel
 from tests.proof.ros2.ros import RosError
 from tests.proof.ros2.rows import Row
 
@@ -21,6 +21,7 @@ PARTS: dict[str, Callable[[list[RosPackage]], Iterable[Row]]] = {
     "debian": debian.build,
     "recording": recording.read,
     "gateway": gateway.run,
+    "guide": guide.run,
 }
 
 
