@@ -15,6 +15,7 @@ from drivers.som301e.driver import Som301e
 from drivers.som301e.module import SILENCE_S, RadioProcess
 from drivers.som301e.options import Som301eOptions
 from drivers.wire import frame
+from tests.drivers.bench import OtherStation
 from tests.drivers.host import SHARED, Host
 
 ROOT = Path(__file__).parents[2]
@@ -69,8 +70,6 @@ class Air:
     """Other station on the air, which builds and parses frames."""
 
     def __init__(self) -> None:
-        from tests.drivers.benches import OtherStation
-
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.bind(("127.0.0.1", 0))
         self.address = Address(*self.socket.getsockname())

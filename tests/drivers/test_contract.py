@@ -10,7 +10,8 @@ from board.runtime.errors import InterfaceError, RequestError
 from drivers import DRIVERS
 from drivers.contract import Can, Sent
 from drivers.message import RxInfo
-from tests.drivers.benches import BENCHES, MODULES, ModuleBench
+from tests.drivers.bench import ModuleBench
+from tests.drivers.benches import BENCHES, MODULES
 from tests.drivers.host import CAM, DENM, requests, told
 
 pytestmark = pytest.mark.namespace

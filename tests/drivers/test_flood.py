@@ -13,8 +13,8 @@ from drivers.sim.serial_line import SerialLine
 from drivers.uart import Uart, UartOptions
 from drivers.udp.driver import Udp, UdpOptions
 from drivers.wire import morse, serial_frame
-from tests.drivers.benches import EthernetBench
 from tests.drivers.host import CAM, SHARED, Host
+from tests.drivers.network_benches import EthernetBench
 
 COUNT = 100_000
 CAPTURES = json.loads((Path(__file__).parents[1] / "captures" / "frames.json").read_text())

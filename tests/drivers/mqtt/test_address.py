@@ -9,8 +9,8 @@ from tests.broker.certificates import Authority
 from tests.broker.client import Client
 from tests.broker.fixtures import certificates
 from tests.broker.mosquitto import Mosquitto
-from tests.drivers.benches import ip
 from tests.drivers.mqtt.station import CAM, Station, secured, settings
+from tests.drivers.veth import ip
 from tests.system.ports import Ports
 
 __all__ = ["certificates"]

@@ -5,8 +5,8 @@ import socket
 import pytest
 
 from board.netlink import DeviceWatch, device
-from tests.drivers.benches import ip, wait_for_carrier
 from tests.drivers.host import told
+from tests.drivers.veth import ip, wait_for_carrier
 
 pytestmark = pytest.mark.namespace
 

@@ -6,8 +6,8 @@ import pytest
 
 from board.machine import REAL
 from board.uevent import GROUP_KERNEL, NETLINK_KOBJECT_UEVENT, Uevents, parse
-from tests.drivers.benches import ip
 from tests.drivers.host import told
+from tests.drivers.veth import ip
 
 pytestmark = pytest.mark.namespace
 

@@ -14,8 +14,9 @@ from drivers.packet.intake import SO_RCVBUFFORCE, enlarge
 from drivers.reason import Reason
 from drivers.udp.driver import Udp, UdpOptions
 from firmware.topics import Topics
-from tests.drivers.benches import OtherStation, ip, wait_for_carrier
+from tests.drivers.bench import OtherStation
 from tests.drivers.host import CAM, DENM, SHARED, Host, request, told
+from tests.drivers.veth import ip, wait_for_carrier
 
 LANED = SHARED._replace(lanes=Topics().lanes())
 
