@@ -38,6 +38,16 @@ def test_send_pdu_writes_its_octets(double: Double, driver: Driver) -> None:
     assert double.take()[0] == b"v2x."
 
 
+def test_program_that_sends_and_ends_at_once_loses_nothing(program: Path, double: Double) -> None:
+    driver = Driver(program, double.address)
+    double.welcome()
+    assert driver.line() == {"said": "connected"}
+    for number in range(100):
+        driver.tell("send", type="cam", fields={"speed": number})
+    driver.close()
+    assert [json.loads(double.take()[1])["fields"]["speed"] for _ in range(100)] == list(range(100))
+
+
 def test_confirmed_waits_for_each_interface(double: Double, driver: Driver) -> None:
     label = driver.ask("send", type="cam")
     double.confirm("another user's", "refused", reason="bad-json")
