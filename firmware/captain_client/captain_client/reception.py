@@ -53,7 +53,7 @@ class Reception:
             told = object_of(frames) or {}
             missed = self._sequences.missed(str(told["run"]), told["type"], int(told["sequence"]))
             message = Message(pdu, told, missed)
-        except (KeyError, TypeError, ValueError):
+        except (KeyError, TypeError, ValueError, OverflowError):
             self._tally.malformed += 1
             return None
         self._tally.missed += missed

@@ -108,7 +108,7 @@ class Request:
         """Take a confirm with the label of this request."""
         outcome = confirm.get("outcome")
         if outcome == "accepted":
-            self._expected = set(map(str, confirm.get("interfaces") or ()))
+            self._expected = set(map(str, _list(confirm, "interfaces")))
         else:
             self._confirms[str(confirm.get("interface") or "")] = confirm
             if outcome == "refused":
@@ -147,9 +147,14 @@ class Request:
 def _refused(kind: str, confirm: Mapping[str, Any]) -> RefusedError:
     reason, detail, meaning = (str(confirm.get(key) or "") for key in ("reason", "detail", "meaning"))
     where = f"dropped by {confirm['interface']}" if confirm.get("interface") else "refused"
-    invalid = confirm.get("invalid") or ()
+    invalid = [fault for fault in _list(confirm, "invalid") if isinstance(fault, dict)]
     told = f"{kind}: {where}: {reason}: {detail or meaning}"
     return RefusedError(told, meaning if detail else "", reason, detail, invalid)
+
+
+def _list(confirm: Mapping[str, Any], key: str) -> list[Any]:
+    found = confirm.get(key)
+    return found if isinstance(found, list) else []
 
 
 class Requests:

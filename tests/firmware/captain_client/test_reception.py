@@ -76,6 +76,12 @@ def test_report_without_a_key_is_malformed_and_counts(key: str):
     assert (tally.malformed, tally.missed) == (1, 0)
 
 
+@pytest.mark.parametrize("number", ["1e999", '"x"', "null", "[]"])
+def test_report_with_an_invalid_sequence_is_malformed(number: str):
+    body = json.dumps(TOLD).replace('"sequence": 17', f'"sequence": {number}')
+    assert Reception(Tally()).read([b"message.cam.", body.encode(), PDU]) is None
+
+
 @given(octets=st.lists(st.binary(max_size=40), max_size=4), body=st.binary(max_size=40) | st.just(b"{}"))
 def test_random_frames_are_malformed(octets: list[bytes], body: bytes):
     tally = Tally()

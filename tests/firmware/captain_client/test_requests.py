@@ -4,6 +4,8 @@ import json
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from captain_client.errors import RefusedError, UnconfirmedError
 from captain_client.requests import Confirmed, Request, Requests, outgoing
@@ -161,6 +163,27 @@ def test_oldest_request_ends_as_unconfirmed_beyond_the_limit():
     assert len(requests) == 2
     with pytest.raises(UnconfirmedError, match="more than 2 requests are open"):
         oldest.outcome()
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.floats(allow_nan=False) | st.integers() | st.text(max_size=4),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
+    max_leaves=4,
+)
+OUTCOME = st.sampled_from(["accepted", "refused", "sent", "dropped"]) | JSON
+KEYS = ("interfaces", "interface", "reason", "meaning", "detail", "invalid", "type", "digest")
+
+
+@given(confirms=st.lists(st.fixed_dictionaries({"outcome": OUTCOME}, optional=dict.fromkeys(KEYS, JSON)), max_size=4))
+def test_confirms_of_random_values_give_an_outcome_or_an_expected_error(confirms: list[dict[str, Any]]):
+    requests = Requests()
+    request = opened(requests)
+    for confirm in confirms:
+        requests.report([b"confirm.cam.", json.dumps({**confirm, "label": request.label}).encode()], 0.0)
+    try:
+        assert request.outcome().sent
+    except (RefusedError, UnconfirmedError) as error:
+        assert error.message.startswith("cam: ")
 
 
 # -- restarts
