@@ -199,9 +199,10 @@ def test_programs_of_the_guide_read_fields_and_send_a_credible_cam(installed: In
 @pytest.mark.parametrize("installed", ["gcc"], indirect=True)
 def test_client_sends_and_receives_structs_of_the_library(installed: Installed, tmp_path: Path):
     sh("cmake", "-S", CLIENT, "-B", tmp_path / "client")
-    sh("cmake", "--install", tmp_path / "client", "--prefix", installed.prefix)
+    sh("cmake", "--install", tmp_path / "client", "--prefix", tmp_path / "installed")
     (tmp_path / "CMakeLists.txt").write_text(
         "cmake_minimum_required(VERSION 3.16)\nproject(structs LANGUAGES CXX)\n"
+        f"list(APPEND CMAKE_PREFIX_PATH {tmp_path}/installed)\n"
         "find_package(captain_client REQUIRED)\nfind_package(captain_messages REQUIRED)\n"
         f"add_executable(structs {ROOT}/firmware/guide/examples/structs.cpp)\n"
         "target_link_libraries(structs captain_client::captain_client captain_messages::captain_messages)\n"
