@@ -42,7 +42,7 @@ public:
         : address_(std::move(address)), timeout_(timeout), push_(connected(zmq::socket_type::push, address_.push())),
           reports_(subscribed({"confirm.", "status."}, high_water_of_reports))
     {
-        next_status();
+        wait_for_status(0);
         zmq::pollitem_t item{push_.handle(), 0, ZMQ_POLLOUT, 0};
         if (!poll(&item, 1, timeout_) || item.revents == 0)
             throw unreachable(address_.push());
@@ -105,9 +105,7 @@ public:
     const nlohmann::json &next_status()
     {
         take_reports();
-        const unsigned long before = statuses_;
-        if (!wait([&] { return statuses_ != before; }, timeout_))
-            throw unreachable(address_.report());
+        wait_for_status(statuses_);
         return status_;
     }
 
@@ -141,6 +139,13 @@ private:
             throw std::invalid_argument("station: " + endpoint + ": invalid host: " + error.what());
         }
         return socket;
+    }
+
+    /// Wait until more than `before` statuses have come.
+    void wait_for_status(unsigned long before)
+    {
+        if (!wait([&] { return statuses_ > before; }, timeout_))
+            throw unreachable(address_.report());
     }
 
     bool sends(zmq::const_buffer frame, zmq::send_flags flags)
