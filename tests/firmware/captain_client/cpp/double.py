@@ -66,6 +66,9 @@ class Double:
         envelope, body, options = self._pull.recv_multipart()
         return envelope, body, json.loads(options)
 
+    def takes_nothing(self, wait_ms: int) -> bool:
+        return not self._pull.poll(wait_ms)
+
     def confirm(self, label: str, outcome: str, **more: object) -> None:
         usual: dict[str, object] = {"interfaces": [], "interface": "", "reason": None, "meaning": None, "detail": ""}
         self.publish("confirm.cam.", {**usual, "label": label, "outcome": outcome, **more})

@@ -9,6 +9,8 @@ from tests.firmware.captain_client.cpp.double import Double
 from tests.firmware.captain_client.cpp.driver import Driver
 from tests.system.ports import Ports
 
+SETTLED_MS = 500  # libzmq connects again after at most 200 ms
+
 
 def test_send_of_fields_writes_edition_fields_and_options(double: Double, driver: Driver) -> None:
     label = driver.ask("send", type="cam-1.4.1", fields={"speed": 13.9}, options={"lifetime_s": 2.0})
@@ -99,7 +101,9 @@ def test_confirmed_after_a_restart_ends_at_once_and_the_next_request_is_confirme
     double.welcome()
     answer = driver.line()
     assert (answer["error"], "the station was restarted" in answer["what"]) == ("unconfirmed", True)
-    label = driver.ask("send", type="cam")
+    driver.tell("send", type="cam")
+    assert double.takes_nothing(SETTLED_MS)  # a status must show first that the station has the subscriptions
+    label = driver.line_after(double.publish_status)["said"]
     double.confirm(label, "accepted", interfaces=["g5"])
     double.confirm(label, "sent", interface="g5")
     assert driver.ask("confirmed")["sent"] == ["g5"]

@@ -40,12 +40,14 @@ public:
     /// Connect, and wait until the station answers. Throws UnreachableError if it does not within the timeout.
     Connection(Address address, Milliseconds timeout)
         : address_(std::move(address)), timeout_(timeout), push_(connected(zmq::socket_type::push, address_.push())),
-          reports_(subscribed({"confirm.", "status."}, high_water_of_reports))
+          ends_(context_, zmq::socket_type::pair), reports_(subscribed({"confirm.", "status."}, high_water_of_reports))
     {
+        const char *const ends = "inproc://ends";
+        if (zmq_socket_monitor(push_.handle(), ends, ZMQ_EVENT_DISCONNECTED) != 0)
+            throw zmq::error_t();
+        ends_.connect(ends);
         wait_for_status(0);
-        zmq::pollitem_t item{push_.handle(), 0, ZMQ_POLLOUT, 0};
-        if (!poll(&item, 1, timeout_) || item.revents == 0)
-            throw unreachable(address_.push());
+        wait_for_push();
     }
 
     static constexpr int high_water = 10'000; // messages that a listener queues: 10 s at 1,000 per second
@@ -64,12 +66,11 @@ public:
     {
         if (octets > most_octets)
             throw Error(type + ": " + std::to_string(octets) + " octets; too long", "the limit is " + std::to_string(most_octets));
-        take_reports();
+        wait_for_push();
         const auto request = requests_.open(type, std::chrono::steady_clock::now());
         options["label"] = request->label;
         const std::string envelope = type.empty() ? "v2x." : "v2x." + type + ".", last = options.dump();
-        zmq::pollitem_t item{push_.handle(), 0, ZMQ_POLLOUT, 0};
-        if (!poll(&item, 1, timeout_) || !sends(zmq::buffer(envelope), zmq::send_flags::sndmore))
+        if (!sends(zmq::buffer(envelope), zmq::send_flags::sndmore))
             throw unreachable(address_.push());
         // If the connection ends meanwhile, libzmq discards the remaining frames, which it must get for this purpose.
         const bool has_body = sends(zmq::const_buffer(body, octets), zmq::send_flags::sndmore);
@@ -148,6 +149,21 @@ private:
             throw unreachable(address_.report());
     }
 
+    /// Wait until the station takes messages. After an interruption a status must come as well: it proves that the station has
+    /// the subscriptions again. Without them, confirms would be lost.
+    void wait_for_push()
+    {
+        take_reports();
+        zmq::pollitem_t item{push_.handle(), 0, ZMQ_POLLOUT, 0};
+        if (!poll(&item, 1, timeout_) || item.revents == 0)
+            throw unreachable(address_.push());
+        for (zmq::message_t event; uninterrupted([&] { return ends_.recv(event, zmq::recv_flags::dontwait); });)
+            is_interrupted_ = true;
+        if (is_interrupted_)
+            wait_for_status(statuses_);
+        is_interrupted_ = false;
+    }
+
     bool sends(zmq::const_buffer frame, zmq::send_flags flags)
     {
         return uninterrupted([&] { return push_.send(frame, flags).has_value(); });
@@ -177,7 +193,8 @@ private:
     Address address_;
     Milliseconds timeout_;
     zmq::context_t context_;
-    zmq::socket_t push_, reports_;
+    zmq::socket_t push_, ends_, reports_; // ends_: events of libzmq, the ends of connections of push_
+    bool is_interrupted_ = false;         // a connection of push_ has ended since the last status that was waited for
     Requests requests_;
     nlohmann::json status_;
     unsigned long statuses_ = 0; // number of received statuses
