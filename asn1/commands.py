@@ -263,7 +263,6 @@ def _register(row: "TypeRow", types: "Types | None", schema: Schema) -> None:
     if types is None:
         print("not registered with the station: CAPTAIN_TYPES is empty")
         return
-    former = types.former(row.name)
     standards = [one.name for one in schema.messages.values() if row.number in one.ids and not one.is_experimental]
     if standards:
         reason: str | None = (
@@ -278,10 +277,7 @@ def _register(row: "TypeRow", types: "Types | None", schema: Schema) -> None:
         f"registered in {types.path}: type {row.name}, messageID {row.number}, BTP port {row.btp_port}, "
         f"traffic class {row.traffic_class}, priority {row.priority}, lifetime {row.lifetime_s:g} s"
     )
-    if former in (None, row._asdict()):
-        print("stations that run know this type within a second")
-    else:
-        print("restart your stations: they keep the former row until then")
+    print("stations that run take a new type within a second; they take a changed one when they are restarted")
 
 
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {

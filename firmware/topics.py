@@ -108,6 +108,12 @@ class Topics:
         self.envelopes.append(b"v2x.%s." % kind.name.encode())
         return kind
 
+    def has(self, row: TypeRow) -> bool:
+        """Return True if the table has this row."""
+        kind = self.by_number[row.number]
+        port = row.legacy if self._is_legacy else row.standard
+        return kind == MessageType(row.name, row.number, port, row.priority, kind.row, row.lifetime, row.traffic_class)
+
     def _enter(self, kind: MessageType, row: TypeRow) -> None:
         self.kinds.append(kind)
         self.by_number[row.number] = kind

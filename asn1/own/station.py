@@ -80,10 +80,6 @@ class Types:
         self._write([*others, row._asdict()])
         return None
 
-    def former(self, name: str) -> dict[str, object] | None:
-        """Return the row with a name; None without one."""
-        return next((row for row in self._rows if row["name"] == name), None)
-
     def remove(self, name: str) -> bool:
         """Remove the row with a name. Return whether there was one. Raises WishError if the file cannot be written."""
         others = [one for one in self._rows if one["name"] != name]

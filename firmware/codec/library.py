@@ -115,6 +115,13 @@ def load() -> Library:
     return cast("Library", captain_messages)
 
 
+def breaks_constraint(error: ValueError) -> bool:
+    """Return True if the error of a value is a constraint between its components, not one component."""
+    import captain_messages
+
+    return isinstance(error, captain_messages.ValidateError)
+
+
 def stamp() -> tuple[int, int] | None:
     """Return inode and time of the last change of the file of the module; None without a file."""
     import importlib.util

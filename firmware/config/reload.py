@@ -72,7 +72,8 @@ class Reload:
 
     def add_kind(self, kind: MessageType) -> None:
         """Take a type that was added to the table of types, for a policy that is being made."""
-        self._policy.add_kind(kind)
+        if self._child is not None:  # otherwise the router has this policy
+            self._policy.add_kind(kind)
 
     def close(self) -> None:
         """End the child process; a second call has no effect."""

@@ -1,29 +1,34 @@
 """Messages with their metadata for users of port 5558: topic `message.<type>.`."""
 
 import json
+from collections import Counter
 
 from board.runtime.loop import Loop
 from drivers.message import Indication, MessageType
+from drivers.reason import Reason
 from firmware.endpoint.feed import received_of, rows_of
 from firmware.endpoint.publisher import Publisher
 from firmware.facilities.exchange import Received, reception_of
+from firmware.routing.drops import Drops
 
-# Number of messages per PERIOD_S. Routing has priority: further ones are numbered but not published. 4,000 are two full
-# channels, and cost a twentieth of a core.
+# Number of messages of a type per PERIOD_S. Routing has priority: further ones are numbered and counted as drops. 4,000
+# are two full channels, and cost a twentieth of a core.
 BUDGET = 4_000
+PLACE = "report"
 PERIOD_S = 1.0
 
 
 class Deliveries:
     """Publishes the messages that were delivered on port 5556, while a user subscribes to their type."""
 
-    def __init__(self, loop: Loop, kinds: list[MessageType], reports: Publisher) -> None:
+    def __init__(self, loop: Loop, kinds: list[MessageType], reports: Publisher, drops: Drops) -> None:
         self._clock = loop.clock
         self._kinds = kinds
+        self._drops = drops
         self._reports = reports
         self._wanted: set[bytes] = set()
         self._rows = [False] * len(kinds)  # by row of the table of types: does a user want it?
-        self._left = BUDGET
+        self._told = Counter[str]()  # messages of each type that were published in this period
         self._renewed = loop.clock()
 
     def want(self, topic: bytes, is_wanted: bool) -> None:
@@ -31,13 +36,22 @@ class Deliveries:
         (self._wanted.add if is_wanted else self._wanted.discard)(topic)
         self._rows = rows_of(self._kinds, self._wanted)
 
+    def add_kind(self) -> None:
+        """Take a type that was added to the table of types."""
+        self._rows = rows_of(self._kinds, self._wanted)
+
     def publish(self, indications: list[Indication], sequences: list[int]) -> None:
         """Publish those messages whose type a user wants."""
         if self._clock() >= self._renewed + PERIOD_S:
-            self._left, self._renewed = BUDGET, self._clock()
+            self._told.clear()
+            self._renewed = self._clock()
         for one, sequence in zip(indications, sequences, strict=True):
-            if self._rows[one.kind.row] and self._left > 0:
-                self._left -= 1
+            if not self._rows[one.kind.row]:
+                continue
+            self._told[one.kind.name] += 1
+            if self._told[one.kind.name] > BUDGET:
+                self._drops.count(PLACE, Reason.DELIVERY_LIMIT, one.pdu)
+            else:
                 received = received_of(one, sequence)
                 topic = f"message.{received.type}.".encode()
                 self._reports.publish_both(topic, json.dumps(delivery_of(received)).encode(), one.pdu)

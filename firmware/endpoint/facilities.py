@@ -75,6 +75,10 @@ class Facilities:
         if self._worker.is_up:
             self._tell_wanted()
 
+    def add_kind(self) -> None:
+        """Take a type that was added to the table of types."""
+        self._rows = rows_of(self._kinds, self._wanted)
+
     def publish(self, indications: list[Indication], sequences: list[int]) -> None:
         """Give those received messages to the process whose JSON a user wants."""
         if self._feed is None:

@@ -192,15 +192,19 @@ class Publisher:
 
     def add_costly(self, topics: Iterable[bytes]) -> None:
         """Count subscriptions to further topics, as those of CountedTopics.topics that are costly."""
-        self._interest.add_costly(topics, self.door.connections.values())
+        self._interest.add_costly(topics, self._prefixes())
 
     def wants(self, topic: bytes) -> bool:
         """Return True if a subscriber would receive this complete topic: one of CountedTopics.whole, or another."""
         if topic not in self._interest.takers:
-            self._interest.add_whole(topic, self.door.connections.values())
+            self._interest.add_whole(topic, self._prefixes())
         if not self._interest.takers[topic]:
             self.look()
         return self._interest.takers[topic] > 0
+
+    def _prefixes(self) -> list[bytes]:
+        """Return the topics of all subscribers, one for each subscription."""
+        return [*self._unnamed, *(topic for one in self.door.connections.values() for topic in one.topics)]
 
     def close(self) -> None:
         """Close the socket; a second call has no effect."""

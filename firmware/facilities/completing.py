@@ -75,6 +75,8 @@ class Completion:
 
     def _sequence(self, kind: Type, value: dict[str, object], path: str) -> dict[str, object]:
         known = {field.name: field for field in kind.fields}
+        if path.endswith(OWN_POSITION) and LATITUDE in known and LATITUDE not in value and LONGITUDE not in value:
+            value = {**value, **self._own_place(known, path)}
         completed = {}
         for name, one in value.items():
             if name in known:
@@ -92,6 +94,15 @@ class Completion:
                 completed[name] = self._missing(field.type, joined(path, name))
         return completed
 
+    def _own_place(self, known: dict[str, Field], path: str) -> dict[str, object]:
+        """Return latitude and longitude of the station. Else add a fault, and return any legal values."""
+        ask = self._ask
+        if ask.latitude is None or ask.longitude is None:
+            self.faults.append((path, "missing: the station does not know its position", None))
+            return {name: stand_in(known[name].type, ask.form) for name in (LATITUDE, LONGITUDE)}
+        own = {LATITUDE: ask.latitude, LONGITUDE: ask.longitude}
+        return {name: self._number(known[name].type, number) for name, number in own.items()}
+
     def _missing(self, kind: Type, path: str) -> object:
         """Return the value of a missing component. Else add a fault, and return any legal value."""
         ask, names = self._ask, dict(kind.names)
@@ -101,12 +112,6 @@ class Completion:
             if not ask.its_ms:
                 return self._fault(kind, path, "the station does not know the time")
             return self._number(kind, ask.its_ms % 65_536 if kind.name == _DELTA else ask.its_ms)
-        if path.endswith(OWN_POSITION) and kind.kind == "SEQUENCE":
-            if ask.latitude is None or ask.longitude is None:
-                return self._fault(kind, path, "the station does not know its position")
-            types = {field.name: field.type for field in kind.fields}
-            own = {LATITUDE: ask.latitude, LONGITUDE: ask.longitude}
-            return self._sequence(kind, {name: self._number(types[name], number) for name, number in own.items()}, path)
         if kind.kind == "SEQUENCE":
             return self._sequence(kind, {}, path)
         if UNAVAILABLE in names:

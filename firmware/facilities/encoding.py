@@ -12,12 +12,14 @@ from firmware.codec.encoding import announced
 from firmware.codec.library import Library, Message
 from firmware.facilities import strict_json
 from firmware.facilities.completing import Completion, stand_in
-from firmware.facilities.exchange import MOST_FAULTS, Ask
+from firmware.facilities.exchange import Ask
 from firmware.facilities.named_fields import from_fields
 from firmware.facilities.paths import remove_at, replace_at, type_at, value_at
 from firmware.topics import JSON_FORMS, PLAIN, type_name
 
 TOLD = 3  # number of faults in the text of an error
+MOST_FAULTS = 50  # largest number of faults that are listed
+MOST_FIELDS = 256  # largest number of fields of a message that is given by fields: each fault takes another trial
 LONGEST = 200  # characters of a path, a problem or a value: all faults then fit into one message to the station
 # Members beside the message, of an object that the station publishes or `captain decode --json` prints.
 MEMBERS = frozenset({
@@ -80,11 +82,13 @@ class Encoder:
 
     def _encode_fields(self, ask: Ask, found: dict[str, object]) -> Encoded:
         """Encode a message that is given by fields, in SI units and degrees."""
-        if strange := [key for key in found if key not in ("edition", "fields", "form")]:
+        if strange := [key for key in found if key not in ("edition", "fields")]:
             raise FaultsError("JSON", [(key, "not allowed beside fields", None) for key in strange])
         fields = found["fields"]
         if not isinstance(fields, dict):
             raise _fault("fields", "not an object", fields)
+        if len(fields) > MOST_FIELDS:
+            raise _fault("fields", f"{len(fields)} fields; at most {MOST_FIELDS}: send `message`")
         message = self._message(ask, found.get("edition"), {})
         value, faults = from_fields(message, fields)
         return Encoded(_encode(message, ask._replace(form=PLAIN), value, faults), type_name(message.type))

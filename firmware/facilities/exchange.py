@@ -21,7 +21,6 @@ import marshal
 from typing import Any, NamedTuple, cast
 
 MAX_BODY = 60 * 1024  # octets of a JSON object: with its other fields it fits into a message of a worker
-MOST_FAULTS = 50  # largest number of faults of a request that are listed
 
 
 class Ask(NamedTuple):

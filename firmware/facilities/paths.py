@@ -11,7 +11,7 @@ def joined(path: str, name: str) -> str:
 
 def type_at(kind: Type, path: str) -> Type | None:
     """Return the type at a path of an error, such as "cam.camParameters.x[0].y"; None if the path leaves the tree."""
-    for name in _steps(path):
+    for name in steps_of(path):
         if name.isdecimal():
             found = kind.element
         else:
@@ -24,7 +24,7 @@ def type_at(kind: Type, path: str) -> Type | None:
 
 def replace_at(value: object, path: str, new: object) -> bool:
     """Replace the value at a path. Return False if the path leads nowhere."""
-    *steps, last = _steps(path)
+    *steps, last = steps_of(path)
     for name in steps:
         value = _inside(value, name)
     if isinstance(value, dict) and last in value:
@@ -37,14 +37,14 @@ def replace_at(value: object, path: str, new: object) -> bool:
 
 
 def value_at(value: object, path: str) -> object:
-    for name in _steps(path):
+    for name in steps_of(path):
         value = _inside(value, name)
     return value
 
 
 def remove_at(value: object, path: str) -> bool:
     """Remove the component at a path. Return False if the path leads nowhere."""
-    *steps, last = _steps(path)
+    *steps, last = steps_of(path)
     for name in steps:
         value = _inside(value, name)
     if isinstance(value, dict) and last in value:
@@ -53,7 +53,8 @@ def remove_at(value: object, path: str) -> bool:
     return False
 
 
-def _steps(path: str) -> Iterator[str]:
+def steps_of(path: str) -> Iterator[str]:
+    """Return the components of a path; an index is one as well."""
     return iter(path.replace("[", ".").replace("]", "").split("."))
 
 

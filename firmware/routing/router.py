@@ -212,7 +212,8 @@ class Router:
         if not targets or (row.rate is not None and not row.rate.allows(now)):
             named = row.interfaces if asked.options.interfaces is None else asked.options.interfaces
             reason = _why_not(targets, named)
-            self._refuse(request, reason, where, "" if origin is None else f"it came from {origin.name}")
+            is_excluded = origin is not None and reason is Reason.NO_INTERFACE
+            self._refuse(request, reason, where, f"it came from {origin.name}" if origin and is_excluded else "")
             return
         for stage in self.request_stages:
             passed = stage(request)

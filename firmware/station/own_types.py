@@ -29,7 +29,7 @@ class OwnTypes:
         self._loop = loop
         self._topics = topics
         self._take = take
-        self._stamp = _stamp()
+        self._stamp: Stamp = ()  # the first look adds what was registered after the configuration was read
 
     def start(self) -> None:
         self._loop.every(LOOK_S, self._look)
@@ -45,9 +45,14 @@ class OwnTypes:
                 log.error("%s; the types in force stay", error)
                 continue
             for row in rows:
-                if (kind := self._topics.add(type_row(row))) is not None:
-                    self._take(kind)
-                    log.info("new message type %s: messageID %d, BTP port %s", kind.name, kind.number, kind.btp_port)
+                self._add(path, type_row(row))
+
+    def _add(self, path: str, row: TypeRow) -> None:
+        if (kind := self._topics.add(row)) is not None:
+            self._take(kind)
+            log.info("new message type %s: messageID %d, BTP port %s", kind.name, kind.number, kind.btp_port)
+        elif not self._topics.has(row):
+            log.warning("%s: the type in force differs from row %s: restart the station to apply it", path, row.name)
 
 
 def type_row(row: TypeConfig) -> TypeRow:

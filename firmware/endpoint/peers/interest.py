@@ -1,7 +1,7 @@
 """Interest: counts subscriptions per connection, so that no peer changes those of another."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from typing import NamedTuple
 
 from firmware.endpoint.peers.connection import Connection
@@ -77,18 +77,17 @@ class Interest:
                     self._counts[topic] += 1
                 self._on_change(topic, True)
 
-    def add_costly(self, topics: Iterable[bytes], connections: Iterable[Connection]) -> None:
-        """Count subscriptions to further costly topics: those that the connections have, and later ones."""
-        wishes = [prefix for connection in connections for prefix in connection.topics]
+    def add_costly(self, topics: Iterable[bytes], prefixes: Collection[bytes]) -> None:
+        """Count subscriptions to further costly topics: those to the prefixes, and later ones."""
         for topic in topics:
             self._costly.add(topic)
-            self._counts[topic] = sum(self._is_asked(topic, prefix) for prefix in wishes)
+            self._counts[topic] = sum(self._is_asked(topic, prefix) for prefix in prefixes)
             if self._counts[topic]:
                 self._on_change(topic, True)
 
-    def add_whole(self, topic: bytes, connections: Iterable[Connection]) -> None:
-        """Count subscriptions to a further complete topic: those that the connections have, and later ones."""
-        self.takers[topic] = sum(topic.startswith(prefix) for one in connections for prefix in one.topics)
+    def add_whole(self, topic: bytes, prefixes: Collection[bytes]) -> None:
+        """Count subscriptions to a further complete topic: those to the prefixes, and later ones."""
+        self.takers[topic] = sum(topic.startswith(prefix) for prefix in prefixes)
 
     def _number(self, connection: Connection, step: int) -> None:
         self.total += step

@@ -53,7 +53,7 @@ def test_added_message_has_a_row_with_defaults_that_the_output_names(
         f"registered in {types}: type my_alarm, messageID 240, BTP port 2999, "
         "traffic class 2, priority 3, lifetime 1 s\n" in said
     )
-    assert "know this type within a second" in said
+    assert "stations that run take a new type within a second" in said
 
 
 def test_options_of_add_are_in_the_row(tmp_path: Path, types: Path) -> None:
@@ -62,14 +62,10 @@ def test_options_of_add_are_in_the_row(tmp_path: Path, types: Path) -> None:
     assert (row["traffic_class"], row["priority"], row["lifetime_s"]) == (1, 0, 2.5)
 
 
-def test_replaced_message_has_one_row_with_the_new_numbers(
-    tmp_path: Path, types: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_replaced_message_has_one_row_with_the_new_numbers(tmp_path: Path, types: Path) -> None:
     assert add(tmp_path) == 0
-    capsys.readouterr()
     assert add(tmp_path, "my-alarm", 241, "--replace") == 0
     assert [(row["name"], row["number"]) for row in rows(types)] == [("my_alarm", 241)]
-    assert "restart your stations" in capsys.readouterr().out
 
 
 def test_removed_message_has_no_row_and_the_others_keep_theirs(

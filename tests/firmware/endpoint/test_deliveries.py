@@ -9,17 +9,17 @@ import pytest
 import zmq
 
 from drivers.message import Indication, Position, RxInfo
+from drivers.reason import Reason
 from firmware.endpoint.deliveries import BUDGET, PERIOD_S, Deliveries
 from firmware.endpoint.peers.interest import CountedTopics
 from firmware.endpoint.publisher import Publisher
 from firmware.endpoint.report import run_id
 from firmware.endpoint.users import Users
 from firmware.routing.drops import Drops
-from firmware.topics import Topics
+from firmware.topics import Topics, TypeRow
 from tests.firmware.doubles import pdu_of
 from tests.virtual import VirtualLoop
 
-TOPICS = Topics()
 CAM, DENM = 2, 1
 
 
@@ -29,16 +29,20 @@ class Bench:
     def __init__(self, loop: VirtualLoop) -> None:
         self.loop = loop
         self.context = zmq.Context()
-        self.users = Users(loop, self.context, "inproc://users", TOPICS, Drops(), None)
+        self.topics = Topics()
+        self.users = Users(loop, self.context, "inproc://users", self.topics, Drops(), None)
         self.reports = Publisher(loop, self.context, "inproc://report", "report", Drops(), CountedTopics())
-        self.deliveries = Deliveries(loop, TOPICS.kinds, self.reports)
+        self.drops = Drops()
+        self.deliveries = Deliveries(loop, self.topics.kinds, self.reports, self.drops)
         self.subscriber = self.context.socket(zmq.SUB)
         self.subscriber.rcvhwm = 0
         self.subscriber.subscribe(b"message.")
         self.subscriber.connect("inproc://report")
 
     def deliver(self, message_id: int = CAM, rx: RxInfo | None = None, count: int = 1) -> None:
-        one = Indication(TOPICS.by_number[message_id], pdu_of(message_id), "g5", 7, self.loop.clock(), rx or RxInfo())
+        one = Indication(
+            self.topics.by_number[message_id], pdu_of(message_id), "g5", 7, self.loop.clock(), rx or RxInfo()
+        )
         self.users.publish([one] * count)
 
     def heard(self) -> list[tuple[bytes, dict[str, Any], bytes]]:
@@ -99,10 +103,27 @@ def test_type_that_nobody_wants_any_more_is_counted_and_not_sent(bench: Bench) -
     assert bench.sequences() == [1, 3]
 
 
-def test_messages_beyond_the_budget_of_a_second_are_only_numbered(bench: Bench) -> None:
+def test_messages_beyond_the_budget_of_their_type_are_numbered_and_counted_as_drops(bench: Bench) -> None:
     bench.deliveries.want(b"message.cam.", True)
+    bench.deliveries.want(b"message.denm.", True)
     bench.deliver(count=BUDGET + 10)
     assert bench.sequences() == [*range(1, BUDGET + 1)]
+    assert bench.drops.total("report", Reason.DELIVERY_LIMIT) == 10
+    bench.deliver(DENM)
+    assert bench.sequences() == [1]
     bench.loop.run_for(PERIOD_S)
     bench.deliver()
     assert bench.sequences() == [BUDGET + 11]
+
+
+def test_type_that_is_added_while_another_is_wanted_is_delivered(bench: Bench) -> None:
+    bench.deliveries.want(b"message.cam.", True)
+    kind = bench.topics.add(TypeRow(200, "hello", 3000, 3000))
+    assert kind is not None
+    bench.users.add_kind(kind)
+    bench.deliveries.add_kind()
+    bench.deliver(200)
+    assert bench.heard() == []
+    bench.deliveries.want(b"message.hello.", True)
+    bench.deliver(200)
+    assert [topic for topic, _, _ in bench.heard()] == [b"message.hello."]

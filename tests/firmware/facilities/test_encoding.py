@@ -10,6 +10,7 @@ from board.runtime.child import MAX_MESSAGE
 from firmware.codec.library import load
 from firmware.facilities.encoding import Encoder, FaultsError
 from firmware.facilities.exchange import Ask, packed
+from firmware.facilities.paths import type_at
 from firmware.topics import JSON_FORMS
 
 ENCODER = Encoder(load())
@@ -171,6 +172,70 @@ def test_all_faults_of_fields_are_listed_at_once() -> None:
     found = faults({"edition": "cam-1.4.1", "fields": {"speed": 999, "sped": 1, "heading": [1], "length": 4.5}})
     assert set(found) == {f"{CONTAINER}.speed.speedValue", "sped", f"{CONTAINER}.heading.headingValue"}
     assert "speed" in found["sped"]
+
+
+def test_field_that_is_spelt_as_in_another_edition_is_kept() -> None:
+    assert encode_fields({"header.stationId": 77})["header"]["stationID"] == 77
+
+
+def test_altitude_alone_is_sent_with_the_own_place() -> None:
+    place = encode_fields({"altitude": 300})["cam"]["camParameters"]["basicContainer"]["referencePosition"]
+    assert (place["latitude"], place["altitude"]["altitudeValue"]) == (48.7668, 300)
+
+
+def test_faults_of_unknown_paths_and_names_are_listed_beside_others() -> None:
+    assert set(faults({"edition": "cam-1.4.1", "fields": {"a.b": 1, "speed": -1, "hea": 3}})) == {
+        "a.b", f"{CONTAINER}.speed.speedValue", "hea",
+    }  # fmt: skip
+
+
+RSU = "cam.camParameters.highFrequencyContainer.rsuContainerHighFrequency.protectedCommunicationZonesRSU[0]"
+
+
+@pytest.mark.parametrize(
+    ("fields", "path", "problem"),
+    [
+        ({"speed": 5, f"{CONTAINER}.speed.speedValue": 6}, f"{CONTAINER}.speed.speedValue", "given twice"),
+        ({"speed": 5, f"{RSU}.protectedZoneLatitude": 3}, f"{CONTAINER}.speed.speedValue", "another field excludes it"),
+        ({f"{RSU}.protectedZoneLatitude": 3, "speed": 5}, f"{RSU}.protectedZoneLatitude", "another field excludes it"),
+    ],
+)
+def test_fields_that_contradict_each_other_are_refused(fields: dict[str, object], path: str, problem: str) -> None:
+    assert problem in faults({"edition": "cam-1.4.1", "fields": fields})[path]
+
+
+@pytest.mark.parametrize("form", ["json", "plain", "xml", 7])
+def test_form_beside_fields_is_refused(form: object) -> None:
+    assert "form" in faults({"edition": "cam-1.4.1", "form": form, "fields": {"speed": 14}})
+
+
+@pytest.mark.parametrize("name", [message.name for message in WITH_HEADER])
+def test_each_short_name_of_an_edition_is_kept(name: str) -> None:
+    message = messages.find(name)
+    for short, path in message.short_names.items():
+        for value in (
+            1,
+            1.0,
+            "forward",
+            "default",
+            "isCancellation",
+            "00",
+            *(one for one, _ in type_of(message, path).names),
+        ):
+            try:
+                message.example(**{short: value})
+            except ValueError:
+                continue
+            fields = {
+                short: value,
+                **{place: 1.0 for place in ("latitude", "longitude") if place in message.short_names},
+            }
+            ENCODER.encode(ask({"edition": name, "fields": fields}))
+            break
+
+
+def type_of(message: messages.Message, path: str) -> Any:
+    return type_at(message.type_tree(), path) or message.type_tree()
 
 
 def test_fields_of_a_denm_without_the_place_of_the_event_are_refused() -> None:

@@ -9,7 +9,7 @@ from drivers.contract import Can
 from drivers.message import Area, Ego, Position, Shape
 from firmware.config.tables import Tables
 from firmware.routing.policy import CompiledRow, Policy, Rate
-from firmware.topics import Topics
+from firmware.topics import Topics, TypeRow
 from tests.firmware.doubles import INGOLSTADT, pdu_of
 
 TOPICS = Topics()
@@ -360,3 +360,16 @@ def test_a_bucket_never_lets_more_through_than_its_rate_and_one_second(per_s: fl
         now += gap
         passed += rate.allows(now)
     assert passed <= per_s * (now - gaps[0]) + max(1.0, per_s) + 1e-6
+
+
+def test_type_that_is_added_has_its_own_plan_and_the_rows_for_it() -> None:
+    topics = Topics()
+    table = {"policy": [{"match": {"type": ["hello"]}, "interfaces": ["g5"]}, {"match": {"type": ["cam"]}}]}
+    policy = Policy(read(Tables, table, "test").policy, topics, Place())
+    for number, name, priority in ((200, "first", 5), (201, "hello", 1)):
+        kind = topics.add(TypeRow(number, name, 3000, 3000, priority=priority))
+        assert kind is not None
+        policy.add_kind(kind)
+        row = policy.choose(kind, pdu_of(number), 3000, 2, None)
+        assert row.plans[kind.row].priority == priority
+        assert row.interfaces == (("g5",) if name == "hello" else ("*",))

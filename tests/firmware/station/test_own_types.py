@@ -58,6 +58,19 @@ def test_row_with_a_messageid_or_name_that_is_taken_is_not_added(watched: Watche
     assert [kind.name for kind in watched.topics.kinds].count("cam") == 1
 
 
+def test_row_that_was_written_before_the_start_is_taken(watched: Watched) -> None:
+    watched.file.write_text(ROW)
+    watched.loop.run_for(LOOK_S)
+    assert [kind.name for kind in watched.taken] == ["hello"]
+
+
+def test_changed_row_is_reported_and_not_applied(watched: Watched, caplog: pytest.LogCaptureFixture) -> None:
+    watched.write(ROW)
+    watched.write(ROW.replace("3000", "3001"))
+    assert "restart the station" in caplog.text
+    assert watched.topics.by_number[200].btp_port == 3000
+
+
 def test_invalid_file_is_reported_and_its_correction_taken(watched: Watched, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.ERROR):
         watched.write("[[types]]\nnumber = 999\n")
