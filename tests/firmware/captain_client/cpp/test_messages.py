@@ -94,6 +94,12 @@ def test_new_run_of_the_station_counts_missed_messages_from_its_start(double: Do
     assert [listening.ask("next")["missed"] for _ in range(3)] == [0, 2, 4]
 
 
+def test_first_message_after_a_restart_counts_those_before_it(double: Double, listening: Driver) -> None:
+    double.run = "run-2"
+    double.publish_plain(40, message=MESSAGE)
+    assert listening.ask("next")["missed"] == 39
+
+
 @pytest.mark.parametrize(
     "frames",
     [(b"{",), (b"[]",), (b"\xff",), (b"",), (), (b"[" * 10_000,), (b"{}",), (b'{"reception":7}',),

@@ -110,6 +110,9 @@ public:
         return status_;
     }
 
+    /// Return the run of the station, from its last status.
+    const std::string &run() const { return requests_.run(); }
+
     std::uint64_t missed = 0; ///< messages that this client has missed
 
 private:

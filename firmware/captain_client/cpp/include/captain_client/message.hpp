@@ -69,12 +69,15 @@ struct Message {
 /// Counter of missed messages by the numbers that the station gives to each type, from 1 in each run of the station.
 class Gaps {
 public:
+    /// run: that of the station when the subscription begins.
+    explicit Gaps(std::string run) : run_(std::move(run)) {}
+
     /// Return the number of messages of a type that were missed before this one. Nothing is missed before the first message of a
     /// type, unless the station was restarted meanwhile.
     std::uint64_t before(const std::string &type, const std::string &run, std::uint64_t sequence)
     {
         if (run != run_) {
-            is_first_run_ = run_.empty();
+            is_first_run_ = run_.empty(); // a station without runs in its status
             run_ = run;
             last_.clear();
         }

@@ -6,6 +6,7 @@
 #include <iterator>
 #include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -77,7 +78,7 @@ private:
 class Listener {
 public:
     Listener(std::shared_ptr<Connection> connection, const std::vector<std::string> &types, Form form)
-        : connection_(connection), reports_(std::move(connection), topics(types, form))
+        : connection_(connection), reports_(std::move(connection), topics(types, form)), gaps_(connection_->run())
     {
     }
 
@@ -103,8 +104,11 @@ private:
         if (types.empty())
             return {first};
         std::vector<std::string> topics;
-        for (const std::string &type : types)
+        for (const std::string &type : types) {
+            if (type.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") != std::string::npos)
+                throw std::invalid_argument("invalid message type '" + type + "'; write it as in a topic, such as cam");
             topics.push_back(first + type + ".");
+        }
         return topics;
     }
 

@@ -90,6 +90,9 @@ public:
             open_.erase(found);
     }
 
+    /// Return the run of the station, from its last status.
+    const std::string &run() const { return run_; }
+
     /// Take over a status, received now. A new run of the station ends the requests that were sent before its start.
     void status(const nlohmann::json &status, Time now)
     {
