@@ -80,12 +80,13 @@ def test_gpx_track_is_sent_as_cams_every_tenth_of_a_second(bench: ExampleBench, 
     assert {one["heading"]["headingValue"] for one in motions} == {0}
 
 
-def test_denm_ahead_is_warned_of_and_one_behind_or_far_away_is_not(bench: ExampleBench) -> None:
+def test_denm_ahead_is_warned_of_and_one_behind_far_away_or_without_a_place_is_not(bench: ExampleBench) -> None:
     at = {"ahead": (7, 0.002), "behind": (8, -0.002), "far": (9, 0.01)}  # stationID, degrees east of the station
     denms = [
         pdu("denm", station=station, latitude=LATITUDE, longitude=LONGITUDE + east, cause=94)
         for station, east in at.values()
     ]
+    denms.insert(0, pdu("denm", station=6, latitude="unavailable", longitude="unavailable", cause=94))
 
     def meet() -> None:
         bench.drive()

@@ -18,8 +18,11 @@ with Station(*sys.argv[1:]) as box:
             own, asked = box.status()["position"], time.monotonic()
         if denm.error or own.get("heading_deg") is None:
             continue  # a standing station does not know its heading
-        north = (denm.get("latitude") - own["latitude"]) * METRES_PER_DEGREE
-        east = (denm.get("longitude") - own["longitude"]) * METRES_PER_DEGREE * math.cos(math.radians(own["latitude"]))
+        latitude, longitude = denm.get("latitude"), denm.get("longitude")
+        if not isinstance(latitude, int | float) or not isinstance(longitude, int | float):
+            continue  # text: unavailable
+        north = (latitude - own["latitude"]) * METRES_PER_DEGREE
+        east = (longitude - own["longitude"]) * METRES_PER_DEGREE * math.cos(math.radians(own["latitude"]))
         distance_m = math.hypot(north, east)
         aside_deg = (math.degrees(math.atan2(east, north)) - own["heading_deg"] + 180) % 360 - 180
         if distance_m <= NEAR_M and abs(aside_deg) <= AHEAD_DEG:
