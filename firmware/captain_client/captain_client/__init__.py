@@ -1,4 +1,4 @@
-"""Client of a V2X station: sends and receives ETSI ITS messages, and learns what became of them."""
+"""Client of a V2X station: sends and receives messages with their outcome."""
 
 from captain_client.address import Address
 from captain_client.errors import RefusedError, StationError, UnconfirmedError, UnreachableError

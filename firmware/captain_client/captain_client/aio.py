@@ -1,4 +1,4 @@
-"""Station for asyncio: the same client as captain_client.Station, for any number of tasks of one event loop.
+"""Station for asyncio: the client for the tasks of one event loop.
 
 async with Station() as box:
     await (await box.send("cam", speed=13.9)).confirmed()
@@ -21,7 +21,7 @@ from captain_client.message import Message
 from captain_client.reception import Reception, Tally
 from captain_client.reports import Frame, frame_of, object_of
 from captain_client.requests import STATUS, Confirmed, Request, outgoing
-from captain_client.sockets import ANSWER_S, topics_of, topics_of_types
+from captain_client.sockets import ANSWER_S, CONFIRM_S, topics_of, topics_of_types
 
 __all__ = ["Sent", "Station", "Subscription"]
 
@@ -75,8 +75,7 @@ class Station:
     ) -> "Sent":
         """Send a message: fields, a dict, or the octets of a PDU. Parameters: those of captain_client.Station.send().
 
-        Raises ValueError for contradictory arguments, and UnreachableError if the station does not take the message
-        within the timeout of the constructor. The station's own refusal is raised by confirmed().
+        Raises ValueError and UnreachableError as it does.
         """
         return Sent(await self._link.send(kind, outgoing(kind, message, form, edition, options, fields)))
 
@@ -91,17 +90,18 @@ class Station:
         types      message types, such as `cam`; default: all.
         timeout_s  end the iteration if no message arrives for this time in seconds; default: wait without limit.
         """
-        return self._subscription(topics_of_types("message", types), Reception(self._tally).read, timeout_s)
+        reception = Reception(self._tally)
+        return self._subscription(topics_of_types("message", types), reception.read, timeout_s, reception.begin)
 
     def indications(self, *types: str, timeout_s: float | None = None) -> "Subscription[dict[str, Any]]":
-        """Return an iterator over indications: the receptions of each interface, duplicates included.
+        """Return an iterator over indications: as captain_client.Station.indications().
 
         Raises ValueError for an invalid type.
         """
         return self._subscription(topics_of_types("indication", types), object_of, timeout_s)
 
     def confirms(self, *types: str, timeout_s: float | None = None) -> "Subscription[dict[str, Any]]":
-        """Return an iterator over the confirms of all users' requests.
+        """Return an iterator over confirms: as captain_client.Station.confirms().
 
         Raises ValueError for an invalid type.
         """
@@ -112,14 +112,11 @@ class Station:
         return self._subscription(topics_of("frame", interfaces), frame_of, timeout_s)
 
     async def status(self) -> dict[str, Any]:
-        """Return the station's status. Raises UnreachableError if none arrives within ANSWER_S."""
+        """Return the station's status. Raises UnreachableError as captain_client.Station.status()."""
         return await self._next(STATUS)
 
     async def time(self) -> dict[str, Any]:
-        """Return the next object of topic `time.`, which the station sends once a second.
-
-        Raises UnreachableError if none arrives within ANSWER_S.
-        """
+        """Return the next object of topic `time.`. Raises UnreachableError as captain_client.Station.time()."""
         return await self._next(b"time.")
 
     @property
@@ -135,23 +132,21 @@ class Station:
     # -- commands
 
     async def trigger(self, text: str) -> None:
-        """Tell the recorder to keep its recent recording. text: reason.
-
-        Raises RefusedError if the station has no recorder, and StationError if it is not on this machine.
-        """
-        await self._ask("record", control.ANSWER_S, text=text)
+        """Trigger the recorder. Raises RefusedError and StationError as captain_client.Station.trigger()."""
+        await self._ask("record", control.COMMAND_S, text=text)
 
     async def reload_policy(self) -> None:
-        """Tell the station to read its policy again, from its configuration.
-
-        Raises RefusedError if the configuration is invalid, and StationError if the station is not on this machine.
-        """
+        """Reload the policy. Raises RefusedError and StationError as captain_client.Station.reload_policy()."""
         await self._ask("reload", control.RELOAD_S)
 
     def _subscription(
-        self, topics: tuple[bytes, ...], read: Callable[[list[bytes]], T | None], timeout_s: float | None
+        self,
+        topics: tuple[bytes, ...],
+        read: Callable[[list[bytes]], T | None],
+        timeout_s: float | None,
+        begin: Callable[[list[bytes]], object] = bool,
     ) -> "Subscription[T]":
-        return Subscription(self._link, self._link.subscribe(topics), topics, read, timeout_s)
+        return Subscription(self._link, self._link.subscribe(topics), topics, read, timeout_s, begin)
 
     async def _next(self, topic: bytes) -> dict[str, Any]:
         async with self._subscription((topic,), object_of, ANSWER_S) as reports:
@@ -186,11 +181,10 @@ class Sent:
         self._over = asyncio.Event()
         request.on_over = self._over.set
 
-    async def confirmed(self, timeout_s: float = ANSWER_S) -> Confirmed:
-        """Wait until each interface has confirmed the message. Return the interfaces that sent it.
+    async def confirmed(self, timeout_s: float = CONFIRM_S) -> Confirmed:
+        """Wait for the outcome: as captain_client.Sent.confirmed().
 
-        Raises RefusedError if the station refused it or no interface sent it, and UnconfirmedError after timeout_s
-        seconds, or if the station was restarted meanwhile.
+        Raises RefusedError and UnconfirmedError.
         """
         if not self._request.is_over:
             with contextlib.suppress(asyncio.TimeoutError):
@@ -204,6 +198,9 @@ class Subscription(Generic[T]):
     inlet      new inlet of the link, subscribed to the topics and to a status.
     read       returns the object of a report; None for a malformed one, which is skipped.
     timeout_s  end the iteration if no report arrives for this time in seconds; None: no limit.
+    begin      takes the status that proves the subscription.
+
+    The iteration raises StationError after close().
     """
 
     def __init__(
@@ -213,12 +210,14 @@ class Subscription(Generic[T]):
         topics: tuple[bytes, ...],
         read: Callable[[list[bytes]], T | None],
         timeout_s: float | None,
+        begin: Callable[[list[bytes]], object],
     ) -> None:
         self._link = link
         self._inlet = inlet
         self._topics = topics
         self._read = read
         self._timeout_s = timeout_s
+        self._begin = begin
         self._has_joined = False
         self._early: deque[list[bytes]] = deque()
 
@@ -234,6 +233,8 @@ class Subscription(Generic[T]):
         while (frames := await self._take()) is not None:
             if frames[0].startswith(self._topics) and (found := self._read(frames)) is not None:
                 return found
+            if frames[0] == STATUS:
+                self._begin(frames)
         raise StopAsyncIteration
 
     async def __aenter__(self) -> "Subscription[T]":

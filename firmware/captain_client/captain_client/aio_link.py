@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import time
 from collections import deque
+from weakref import WeakSet
 
 import zmq
 import zmq.asyncio
@@ -17,6 +18,7 @@ from captain_client.sockets import (
     CONFIRM,
     HIGH_WATER,
     HIGH_WATER_OF_REPORTS,
+    check_open,
     connect,
     ms_until,
     unreachable,
@@ -36,13 +38,17 @@ class Inlet:
         self._arrived: deque[list[bytes]] = deque()
 
     async def next(self, deadline: float | None) -> list[bytes] | None:
-        """Return the next message; None at the deadline, a time of the monotonic clock in seconds."""
+        """Return the next message; None at the deadline, a time of the monotonic clock in seconds.
+
+        Raises StationError if the inlet is closed, even meanwhile.
+        """
+        check_open(self._socket)
         self._take()
         while not self._arrived:
             left_ms = None if deadline is None else ms_until(deadline)
             if left_ms == 0:
                 return None
-            await self._socket.poll(left_ms)  # may return before its timeout without a message
+            await _event(self._socket, left_ms)
             self._take()
         return self._arrived.popleft()
 
@@ -60,6 +66,19 @@ class Inlet:
                 return
 
 
+async def _event(end: zmq.asyncio.Socket, left_ms: int | None, flags: int = zmq.POLLIN) -> None:
+    """Wait for an event of a socket, at most left_ms. May return before without one, if another task uses it up.
+
+    Raises StationError if the socket is closed, even meanwhile.
+    """
+    check_open(end)
+    try:
+        await end.poll(left_ms, flags)  # type: ignore[call-arg]  # the stub has no flags
+    except asyncio.CancelledError:
+        check_open(end)  # close() of a socket cancels what waits for it
+        raise
+
+
 class Link:
     """Sockets to one station. Create it in a coroutine, then await join().
 
@@ -74,6 +93,7 @@ class Link:
         self._requests = Requests()
         self._context = zmq.asyncio.Context()
         self._reader: asyncio.Task[None] | None = None
+        self._inlets = WeakSet[Inlet]()
         try:
             self._reports = Inlet(self._context, address, CONFIRM, STATUS, most=HIGH_WATER_OF_REPORTS)
             self._push = self._context.socket(zmq.PUSH)
@@ -102,10 +122,19 @@ class Link:
             self._reader.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await self._reader
-        self._context.destroy()
+        self._push.close()
+        self._reports.close()
+        for inlet in self._inlets:
+            inlet.close()
+        self._requests.close()
+        await asyncio.to_thread(self._context.term)  # waits up to LINGER_MS for requests that are not yet written
 
     async def send(self, kind: str, out: Outgoing) -> Request:
-        """Send a request. Raises UnreachableError if the station does not take it in time."""
+        """Send a request.
+
+        Raises UnreachableError if the station does not take it in time, and StationError after close().
+        """
+        check_open(self._push)
         deadline = time.monotonic() + self.timeout_s
         while True:
             request, frames = self._requests.open(kind, out, time.monotonic())
@@ -118,8 +147,14 @@ class Link:
             await self._writable(deadline)
 
     def subscribe(self, topics: tuple[bytes, ...]) -> Inlet:
-        """Return a new inlet, subscribed in the background to topics and to a status."""
-        return Inlet(self._context, self._address, *topics, STATUS)
+        """Return a new inlet, subscribed in the background to topics and to a status.
+
+        Raises StationError after close().
+        """
+        check_open(self._push)
+        inlet = Inlet(self._context, self._address, *topics, STATUS)
+        self._inlets.add(inlet)
+        return inlet
 
     async def first_status(self, inlet: Inlet) -> deque[list[bytes]]:
         """Return the messages of a new inlet up to the first status, which proves its subscriptions.
@@ -146,12 +181,15 @@ class Link:
         return unreachable(self._address, port, "")
 
     async def _writable(self, deadline: float) -> None:
-        """Wait for the connection to the PULL port. Raises UnreachableError at the deadline."""
+        """Wait for the connection to the PULL port.
+
+        Raises UnreachableError at the deadline, and StationError if the link is closed.
+        """
         while not self._plain_push.poll(0, zmq.POLLOUT):
             if not (left_ms := ms_until(deadline)):
                 raise await self.unreachable(self._address.pull)
-            # Another task may use up the event: then poll() returns 0 before its timeout.
-            await self._push.poll(left_ms, zmq.POLLOUT)  # type: ignore[call-arg]  # the stub has no flags
+            await _event(self._push, left_ms, zmq.POLLOUT)
+            check_open(self._push)
 
     async def _read(self) -> None:
         """Give confirms and statuses to the open requests, until the task is cancelled."""

@@ -1,4 +1,4 @@
-"""Message library: imports `captain_messages` on demand, and finds the edition of a received message."""
+"""Message library: imports `captain_messages` on demand, and finds editions."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Control socket of a station on this machine: one command and one answer, each a line of JSON."""
+"""Control socket of a local station: commands and answers as lines of JSON."""
 
 import json
 import os
@@ -14,7 +14,7 @@ from captain_client.errors import RefusedError, StationError
 LOCAL = ("127.0.0.1", "localhost", "::1")
 MOST_OCTETS = 1 << 20  # longest answer; a status of a hundred interfaces has 100 kB
 RELOAD_S = 30.0  # a reload starts processes and opens devices
-ANSWER_S = 5.0
+COMMAND_S = 5.0  # other commands
 PEER = struct.Struct("=iII")  # struct ucred of unix(7): process id, user id, group id
 
 
@@ -78,7 +78,7 @@ def unanswered(path: str, error: OSError) -> StationError:
     return StationError(f"{path}: no station answers: {error.strerror or error}", hint)
 
 
-def ask(path: str, do: str, within_s: float = ANSWER_S, **more: object) -> dict[str, Any]:
+def ask(path: str, do: str, within_s: float = COMMAND_S, **more: object) -> dict[str, Any]:
     """Send a command to a control socket, and return the station's answer.
 
     Raises RefusedError if the station refuses the command, and StationError if no station answers.

@@ -9,7 +9,7 @@ import zmq
 from captain_client.address import Address
 from captain_client.errors import UnreachableError
 from captain_client.requests import STATUS, Outgoing, Request, Requests
-from captain_client.sockets import AT_ONCE, CONFIRM, HIGH_WATER_OF_REPORTS, connect, ms_until, unreachable
+from captain_client.sockets import AT_ONCE, CONFIRM, HIGH_WATER_OF_REPORTS, check_open, connect, ms_until, unreachable
 
 PROBE_S = 0.5  # time limit for a TCP connection that finds out why no station answers
 
@@ -26,6 +26,7 @@ class Link:
         self._address = address
         self._timeout_s = timeout_s
         self._requests = Requests()
+        self._empty_s = time.monotonic()  # time at which no report waited: those that are read later arrived after it
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         try:
             self._reports = self._context.socket(zmq.SUB)
@@ -39,9 +40,14 @@ class Link:
 
     def close(self) -> None:
         self._context.destroy()
+        self._requests.close()
 
     def send(self, kind: str, out: Outgoing) -> Request:
-        """Send a request. Raises UnreachableError if the station does not take it in time."""
+        """Send a request.
+
+        Raises UnreachableError if the station does not take it in time, and StationError after close().
+        """
+        check_open(self._push)
         deadline = time.monotonic() + self._timeout_s
         self._take_reports()
         while True:
@@ -58,12 +64,20 @@ class Link:
     def wait_for(self, request: Request, timeout_s: float) -> None:
         """Read confirms until a request is over, at most timeout_s seconds."""
         deadline = time.monotonic() + timeout_s
-        self._take_reports()
-        while not request.is_over and self._reports.poll(ms_until(deadline)):
+        while not request.is_over:
             self._take_reports()
+            if request.is_over or not (left_ms := ms_until(deadline)):
+                return
+            if not self._reports.poll(0):
+                self._reports.poll(left_ms)
+                self._empty_s = time.monotonic()  # poll() returns when a report arrives
 
     def subscribe(self, topics: tuple[bytes, ...]) -> "zmq.Socket[bytes]":
-        """Return a new socket, subscribed in the background to topics and to a status."""
+        """Return a new socket, subscribed in the background to topics and to a status.
+
+        Raises StationError after close().
+        """
+        check_open(self._push)
         end = self._context.socket(zmq.SUB)
         connect(end, self._address, self._address.report, *topics, STATUS)
         return end
@@ -81,7 +95,11 @@ class Link:
         raise self.unreachable(self._address.report)
 
     def receive(self, end: "zmq.Socket[bytes]", timeout_s: float | None) -> list[bytes] | None:
-        """Return the next message of a socket; None after the timeout in seconds. Reads confirms meanwhile."""
+        """Return the next message of a socket; None after the timeout in seconds. Reads confirms meanwhile.
+
+        Raises StationError if the socket is closed.
+        """
+        check_open(end)
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         poller = zmq.Poller()
         poller.register(end, zmq.POLLIN)
@@ -116,5 +134,6 @@ class Link:
             try:
                 frames = self._reports.recv_multipart(zmq.NOBLOCK)
             except zmq.Again:
+                self._empty_s = time.monotonic()
                 return
-            self._requests.report(frames, time.monotonic())
+            self._requests.report(frames, self._empty_s)

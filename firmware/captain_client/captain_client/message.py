@@ -31,9 +31,9 @@ class Message:
     Raises KeyError or TypeError if the object of the station is malformed.
     """
 
-    def __init__(self, pdu: bytes, told: dict[str, Any], missed: int) -> None:
+    def __init__(self, pdu: bytes, told: dict[str, Any]) -> None:
         self.pdu = pdu
-        self.missed = missed
+        self.missed = 0
         self.type: str = told["type"]
         self.interface: str = told["interface"]
         self.received_ns: int = told["received_ns"]

@@ -1,4 +1,4 @@
-"""Reception of one subscription: messages of topic `message.`, and how many were missed."""
+"""Reception of one subscription: messages, and the number of missed ones."""
 
 from captain_client.message import Message
 from captain_client.reports import object_of
@@ -7,7 +7,7 @@ from captain_client.reports import object_of
 class Tally:
     """Counts of one client.
 
-    missed     number of messages that its subscriptions have missed.
+    missed     number of messages that its subscriptions have missed, malformed reports included.
     malformed  number of malformed reports.
     """
 
@@ -28,12 +28,16 @@ class Sequences:
         self._is_first_run = True
         self._last: dict[str, int] = {}
 
-    def missed(self, run: str, kind: str, sequence: int) -> int:
-        """Return the number of messages of a type that were missed before this one."""
+    def begin(self, run: str) -> None:
+        """Begin with a run of the station, which a status or a message shows. Does nothing if it is the present one."""
         if run != self._run:
             self._is_first_run = not self._run
             self._run = run
             self._last.clear()
+
+    def missed(self, run: str, kind: str, sequence: int) -> int:
+        """Return the number of messages of a type that were missed before this one."""
+        self.begin(run)
         last = self._last.get(kind, sequence - 1 if self._is_first_run else 0)
         self._last[kind] = sequence
         return max(0, sequence - last - 1)
@@ -46,15 +50,23 @@ class Reception:
         self._tally = tally
         self._sequences = Sequences()
 
+    def begin(self, status: list[bytes]) -> None:
+        """Take the status that proves the subscription: later runs are counted from their first message."""
+        self._sequences.begin(str((object_of(status) or {}).get("run", "")))
+
     def read(self, frames: list[bytes]) -> Message | None:
-        """Return the message of a report of topic `message.`; count a malformed one, and return None."""
+        """Return the message of a report of topic `message.`; count a malformed one, and return None.
+
+        A malformed report also counts as missed, before the next message of its type.
+        """
         try:
             _, _, pdu = frames
             told = object_of(frames) or {}
-            missed = self._sequences.missed(str(told["run"]), told["type"], int(told["sequence"]))
-            message = Message(pdu, told, missed)
+            run, kind, sequence = str(told["run"]), str(told["type"]), int(told["sequence"])
+            message = Message(pdu, told)
         except (KeyError, TypeError, ValueError, OverflowError):
             self._tally.malformed += 1
             return None
-        self._tally.missed += missed
+        message.missed = self._sequences.missed(run, kind, sequence)
+        self._tally.missed += message.missed
         return message

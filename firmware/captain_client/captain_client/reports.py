@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 class Frame(NamedTuple):
     """Frame that came or left by an interface.
 
-    info    object of topic `frame.`: interface, direction, time, drop reason.
+    report  object of topic `frame.`: interface, direction, time, drop reason.
     octets  the Ethernet frame.
     """
 
-    info: dict[str, Any]
+    report: dict[str, Any]
     octets: bytes
 
 
@@ -26,5 +26,5 @@ def object_of(frames: list[bytes]) -> dict[str, Any] | None:
 
 def frame_of(frames: list[bytes]) -> Frame | None:
     """Return the frame of a report of topic `frame.`; None if it is malformed."""
-    info = object_of(frames)
-    return None if info is None or len(frames) < 3 else Frame(info, frames[2])
+    report = object_of(frames)
+    return None if report is None or len(frames) < 3 else Frame(report, frames[2])

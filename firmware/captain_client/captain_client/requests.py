@@ -54,10 +54,12 @@ def outgoing(
     edition  edition of the message; empty: the preferred one of the type.
     fields   values by short name or path, in the plain dialect.
 
-    Raises ValueError if the arguments contradict one another, or the request is too long.
+    Raises ValueError if the arguments contradict one another, JSON does not have a value, or the request is too long.
     """
     envelope = f"v2x.{check_type(kind)}." if kind else "v2x."
     asked = dict(options or {})
+    if "form" in asked:
+        raise ValueError("options: form: invalid here; give the parameter `form`")
     if isinstance(value, bytes | bytearray | memoryview):
         if form or edition or fields:
             raise ValueError("octets have no form, edition or fields; give a dict or fields in place of them")
@@ -70,7 +72,7 @@ def outgoing(
         asked["form"] = form or "plain"
         told = {"edition": edition} if edition else {}
         content = {"fields": dict(fields)} if value is None else {"message": value}
-        body = json.dumps({**told, **content}, allow_nan=False).encode()
+        body = _octets({**told, **content})
     if len(body) > MOST_OCTETS:
         raise ValueError(f"{len(body)} octets; at most {MOST_OCTETS}")
     return Outgoing(envelope.encode(), body, asked)
@@ -83,21 +85,30 @@ def check_type(kind: str) -> str:
     return kind
 
 
+def _octets(value: dict[str, Any]) -> bytes:
+    try:
+        return json.dumps(value, allow_nan=False).encode()
+    except (TypeError, RecursionError) as error:
+        raise ValueError(f"no JSON: {error}") from error
+
+
 class Request:
     """One request and the confirms that came for it.
 
     label    label in its confirms.
     sent_s   time at which it was sent, in seconds of the client's clock.
+    run      last known run of the station at that time; None before the first status.
     is_over  the outcome is known, or cannot become known.
     on_over  called once when it is over.
     """
 
-    __slots__ = ("_confirms", "_ended", "_expected", "is_over", "kind", "label", "on_over", "sent_s")
+    __slots__ = ("_confirms", "_ended", "_expected", "is_over", "kind", "label", "on_over", "run", "sent_s")
 
-    def __init__(self, label: str, kind: str, sent_s: float) -> None:
+    def __init__(self, label: str, kind: str, sent_s: float, run: str | None) -> None:
         self.label = label
         self.kind = kind or "message"
         self.sent_s = sent_s
+        self.run = run
         self.is_over = False
         self.on_over: Callable[[], object] = bool  # does nothing
         self._confirms: dict[str, dict[str, Any]] = {}  # last confirm by interface; "" for a refusal of the station
@@ -176,44 +187,53 @@ class Requests:
     def open(self, kind: str, out: Outgoing, now: float) -> tuple[Request, list[bytes]]:
         """Return a new open request, sent at `now` in seconds of the client's clock, and its frames.
 
-        Raises ValueError if a request with its label is open.
+        Raises ValueError if its label is invalid, if a request with this label is open, or if JSON does not have an
+        option.
         """
         self._count += 1
-        label = str(out.options.get("label") or f"{self._token}-{self._count}")
+        label = out.options.get("label", f"{self._token}-{self._count}")
+        if not isinstance(label, str) or not label:
+            raise ValueError(f"options: label: {label!r}: invalid; a text of one character or more")
         if label in self._open:
             raise ValueError(f"label: {label!r}: a request with this label is open")
-        options = json.dumps({**out.options, "label": label}, allow_nan=False).encode()
+        options = _octets({**out.options, "label": label})
         if len(self._open) >= self._most:
             self._open.pop(next(iter(self._open))).end(f"more than {self._most} requests are open")
-        request = self._open[label] = Request(label, kind, now)
+        request = self._open[label] = Request(label, kind, now, self.run)
         return request, [out.envelope, out.body, options]
 
     def forget(self, request: Request) -> None:
         """Remove a request that was not sent."""
         self._open.pop(request.label, None)
 
-    def report(self, frames: list[bytes], now: float) -> None:
-        """Take a confirm or a status, received at `now`."""
+    def close(self) -> None:
+        """End all requests."""
+        self._end(list(self._open.values()), "the client was closed")
+
+    def report(self, frames: list[bytes], arrived_s: float) -> None:
+        """Take a confirm or a status that arrived at a time of the client's clock in seconds, or later."""
         told = object_of(frames)
         if told is None:
             return
         if frames[0] == STATUS:
-            self._status(told, now)
+            self._status(told, arrived_s)
         elif (request := self._open.get(str(told.get("label")))) is not None:
             request.feed(told)
             if request.is_over:
                 del self._open[request.label]
 
-    def _status(self, status: Mapping[str, Any], now: float) -> None:
+    def _status(self, status: Mapping[str, Any], arrived_s: float) -> None:
         """End the requests of a former run.
 
-        Requests sent after the start of the new run stay open, because their confirms may still come.
+        A request that was sent after the start of the new run stays open, because its confirms may still come. The
+        program may read a status late. So arrived_s is its earliest time, and a later status ends the other requests.
         """
-        run, uptime_s = str(status.get("run", "")), status.get("uptime_s")
-        former, self.run = self.run, run
-        if former is None or run == former:
-            return
-        started = now - uptime_s if isinstance(uptime_s, int | float) else now
-        for one in [one for one in self._open.values() if one.sent_s < started]:
+        self.run, uptime_s = str(status.get("run", "")), status.get("uptime_s")
+        started_s = arrived_s - uptime_s if isinstance(uptime_s, int | float) else arrived_s
+        former = [one for one in self._open.values() if one.run not in (None, self.run) and one.sent_s < started_s]
+        self._end(former, "the station was restarted")
+
+    def _end(self, requests: list[Request], why: str) -> None:
+        for one in requests:
             del self._open[one.label]
-            one.end("the station was restarted")
+            one.end(why)

@@ -1,4 +1,4 @@
-"""Options of the client's ZeroMQ sockets, and the cause if no station answers."""
+"""Options of the client's ZeroMQ sockets, and the error without a station."""
 
 import time
 from collections.abc import Sequence
@@ -7,10 +7,11 @@ from typing import Any
 import zmq
 
 from captain_client.address import Address
-from captain_client.errors import UnreachableError
+from captain_client.errors import StationError, UnreachableError
 from captain_client.requests import check_type
 
-ANSWER_S = 3.0  # a station sends a status once a second: after three missing ones it counts as absent
+ANSWER_S = 3.0  # timeout of the station: three statuses of one second each are missing
+CONFIRM_S = 15.0  # timeout of confirms: a message in JSON may wait 10 s for the station's encoder
 # Messages that libzmq queues for a slow program: 10 s at 1,000 per second. Confirms and statuses of an idle program
 # take at most 1,000 places, some 2 MB.
 HIGH_WATER, HIGH_WATER_OF_REPORTS = 10_000, 1_000
@@ -42,6 +43,12 @@ def connect(end: "zmq.Socket[Any]", address: Address, port: int, *topics: bytes,
         end.connect(address.url(port))
     except zmq.ZMQError as error:
         raise ValueError(f"{address.host!r}: invalid host: {error}") from error
+
+
+def check_open(end: "zmq.Socket[Any]") -> None:
+    """Raise StationError if a socket is closed."""
+    if end.closed:
+        raise StationError("the client or its subscription is closed", "use it in its `with` block")
 
 
 def topics_of(kind: str, names: Sequence[str]) -> tuple[bytes, ...]:

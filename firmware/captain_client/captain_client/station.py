@@ -11,6 +11,8 @@ from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Any, Generic, TypeVar
 
+import zmq
+
 from captain_client import control
 from captain_client.address import Address, parse
 from captain_client.link import Link
@@ -18,7 +20,7 @@ from captain_client.message import Message
 from captain_client.reception import Reception, Tally
 from captain_client.reports import Frame, frame_of, object_of
 from captain_client.requests import STATUS, Confirmed, Request, outgoing
-from captain_client.sockets import ANSWER_S, topics_of, topics_of_types
+from captain_client.sockets import ANSWER_S, CONFIRM_S, topics_of, topics_of_types
 
 T = TypeVar("T")
 
@@ -74,7 +76,7 @@ class Station:
         options  options of one message: lifetime_s, interfaces, priority, ... (firmware/guide/endpoint.md).
         fields   values by short name, such as speed=13.9, or by path.
 
-        Raises ValueError for contradictory arguments, and UnreachableError if the station does not take the message
+        Raises ValueError for invalid arguments, and UnreachableError if the station does not take the message
         within the timeout of the constructor. The station's own refusal is raised by confirmed().
         """
         return Sent(self._link, self._link.send(kind, outgoing(kind, message, form, edition, options, fields)))
@@ -89,7 +91,8 @@ class Station:
 
         Raises UnreachableError like the constructor, and ValueError for an invalid type.
         """
-        return self._subscription(topics_of_types("message", types), Reception(self._tally).read, timeout_s)
+        reception = Reception(self._tally)
+        return self._subscription(topics_of_types("message", types), reception.read, timeout_s, reception.begin)
 
     def indications(self, *types: str, timeout_s: float | None = None) -> "Subscription[dict[str, Any]]":
         """Return an iterator over indications: the receptions of each interface, duplicates included.
@@ -147,9 +150,13 @@ class Station:
         control.ask(control.path_of(self.address, self._control), "reload", control.RELOAD_S)
 
     def _subscription(
-        self, topics: tuple[bytes, ...], read: Callable[[list[bytes]], T | None], timeout_s: float | None
+        self,
+        topics: tuple[bytes, ...],
+        read: Callable[[list[bytes]], T | None],
+        timeout_s: float | None,
+        begin: Callable[[list[bytes]], object] = bool,
     ) -> "Subscription[T]":
-        return Subscription(self._link, topics, read, timeout_s)
+        return Subscription(self._link, self._link.subscribe(topics), topics, read, timeout_s, begin)
 
     def _next(self, topic: bytes) -> dict[str, Any]:
         with self._subscription((topic,), object_of, ANSWER_S) as reports:
@@ -169,11 +176,13 @@ class Sent:
         self._link = link
         self._request = request
 
-    def confirmed(self, timeout_s: float = ANSWER_S) -> Confirmed:
+    def confirmed(self, timeout_s: float = CONFIRM_S) -> Confirmed:
         """Wait until each interface has confirmed the message. Return the interfaces that sent it.
 
-        Raises RefusedError if the station refused it or no interface sent it, and UnconfirmedError after timeout_s
-        seconds, or if the station was restarted meanwhile.
+        timeout_s  seconds; default: 15, because a message of values may wait 10 s for the station's encoder.
+
+        Raises RefusedError if the station refused it or no interface sent it, and UnconfirmedError after timeout_s, or
+        if the station was restarted or the client closed meanwhile.
         """
         self._link.wait_for(self._request, timeout_s)
         return self._request.outcome()
@@ -184,24 +193,29 @@ class Subscription(Generic[T]):
 
     The subscription has reached the station when the constructor returns.
 
+    end        new socket of the link, subscribed to the topics and to a status.
     read       returns the object of a report; None for a malformed one, which is skipped.
     timeout_s  end the iteration if no report arrives for this time in seconds; None: no limit.
+    begin      takes the status that proves the subscription.
 
-    Raises UnreachableError like Station.
+    Raises UnreachableError like Station. The iteration raises StationError after close().
     """
 
     def __init__(
         self,
         link: Link,
+        end: "zmq.Socket[bytes]",
         topics: tuple[bytes, ...],
         read: Callable[[list[bytes]], T | None],
         timeout_s: float | None,
+        begin: Callable[[list[bytes]], object],
     ) -> None:
-        self._socket = link.subscribe(topics)
+        self._socket = end
         self._link = link
         self._topics = topics
         self._read = read
         self._timeout_s = timeout_s
+        self._begin = begin
         self._early = deque(link.first_status(self._socket))
         if STATUS not in topics:
             self._socket.unsubscribe(STATUS)
@@ -216,6 +230,8 @@ class Subscription(Generic[T]):
         while (frames := self._take()) is not None:
             if frames[0].startswith(self._topics) and (found := self._read(frames)) is not None:
                 return found
+            if frames[0] == STATUS:
+                self._begin(frames)
         raise StopIteration
 
     def __enter__(self) -> "Subscription[T]":

@@ -209,3 +209,29 @@ async def send_until_refused(box: Station) -> None:
             await sent.confirmed(timeout_s=0.1)
         except UnconfirmedError:
             continue
+
+
+def test_close_with_unwritten_messages_does_not_block_the_event_loop(launch: Launcher):
+    bench = launch()
+
+    async def use() -> int:
+        turns = 0
+
+        async def turn() -> None:
+            nonlocal turns
+            while True:
+                await asyncio.sleep(0.01)
+                turns += 1
+
+        async with Station(address_of(bench)) as box:
+            bench.station.signal(signal.SIGSTOP)
+            for _ in range(800):
+                await box.send("cam", bytes(60_000))
+            task = asyncio.create_task(turn())
+        task.cancel()
+        return turns
+
+    try:
+        assert asyncio.run(use()) > 1
+    finally:
+        bench.station.signal(signal.SIGCONT)

@@ -16,7 +16,7 @@ PLACE = "cam.camParameters.basicContainer.referencePosition"
 
 
 def message(pdu: bytes = CAM, kind: str = "cam") -> Message:
-    return Message(pdu, TOLD | {"type": kind}, 0)
+    return Message(pdu, TOLD | {"type": kind})
 
 
 @pytest.fixture

@@ -68,6 +68,29 @@ def test_messages_of_a_new_run_are_counted_from_one_even_of_a_type_not_heard_bef
     assert missed(Reception(Tally()), *numbers) == [0, 2, 0, 1, 0]
 
 
+def test_messages_after_a_restart_are_counted_from_one_if_none_came_before_it():
+    reception = Reception(Tally())
+    reception.begin([b"status.", b'{"run": "a"}'])
+    assert missed(reception, ("b", "cam", 3), ("b", "cam", 4)) == [2, 0]
+
+
+def test_first_message_of_the_run_that_the_status_shows_has_none_missed_before_it():
+    reception = Reception(Tally())
+    reception.begin([b"status.", b'{"run": "a"}'])
+    assert missed(reception, ("a", "cam", 17), ("a", "cam", 19)) == [0, 1]
+
+
+@pytest.mark.parametrize("changes", [{"quality": None}, {"implausible": 7}, {"sequence": "x"}])
+def test_malformed_report_counts_as_missed_before_the_next_message(changes: dict[str, Any]):
+    tally = Tally()
+    reception = Reception(tally)
+    read(reception, sequence=1)
+    body = json.dumps({name: value for name, value in (TOLD | {"sequence": 5} | changes).items() if value is not None})
+    assert reception.read([b"message.cam.", body.encode(), PDU]) is None
+    assert read(reception, sequence=6).missed == 4
+    assert tally.missed == 4
+
+
 @pytest.mark.parametrize("key", [key for key in TOLD if key != "implausible"])
 def test_report_without_a_key_is_malformed_and_counts(key: str):
     tally = Tally()

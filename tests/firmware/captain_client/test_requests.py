@@ -25,8 +25,8 @@ def feed(requests: Requests, request: Request, outcome: str, **more: Any) -> boo
     return request.is_over
 
 
-def status(requests: Requests, run: str, uptime_s: float, now: float) -> None:
-    requests.report([b"status.", json.dumps({"run": run, "uptime_s": uptime_s}).encode()], now)
+def status(requests: Requests, run: str, uptime_s: float, arrived_s: float) -> None:
+    requests.report([b"status.", json.dumps({"run": run, "uptime_s": uptime_s}).encode()], arrived_s)
 
 
 # -- frames
@@ -73,6 +73,28 @@ def test_request_with_contradictory_arguments_raises_value_error(
 ):
     with pytest.raises(ValueError, match=r"type|form|fields|JSON|octets"):
         outgoing(kind, value, form, edition, None, fields)
+
+
+@pytest.mark.parametrize("value", [PDU, {"cam": {}}, None])
+def test_request_with_a_form_in_its_options_raises_value_error(value: Any):
+    with pytest.raises(ValueError, match="form"):
+        outgoing("cam", value, "", "", {"form": "json"}, {})
+
+
+@pytest.mark.parametrize("label", ["", 0, 7, None])
+def test_request_with_an_invalid_label_raises_value_error(label: Any):
+    requests = Requests()
+    with pytest.raises(ValueError, match="label"):
+        opened(requests, label=label)
+    assert len(requests) == 0
+
+
+@pytest.mark.parametrize("value", [b"octets", {1}, {(1, 2): 3}, float("inf")])
+def test_request_with_a_value_that_json_does_not_have_raises_value_error(value: Any):
+    with pytest.raises(ValueError, match="JSON"):
+        outgoing("cam", None, "", "", None, {"speed": value})
+    with pytest.raises(ValueError, match="JSON"):
+        opened(Requests(), lifetime_s=value)
 
 
 def test_label_of_the_user_is_kept_and_may_be_open_once():
@@ -186,14 +208,28 @@ def test_confirms_of_random_values_give_an_outcome_or_an_expected_error(confirms
         assert error.message.startswith("cam: ")
 
 
+def test_malformed_list_of_interfaces_raises_nothing_in_the_reader():
+    requests = Requests()
+    feed(requests, opened(requests), "accepted", interfaces=7)
+    feed(requests, opened(requests), "refused", invalid=7)
+
+
+def test_close_ends_all_requests():
+    requests = Requests()
+    request = opened(requests)
+    requests.close()
+    with pytest.raises(UnconfirmedError, match="closed"):
+        request.outcome()
+
+
 # -- restarts
 
 
 def test_new_run_ends_the_requests_of_the_former_run_at_once():
     requests = Requests()
-    status(requests, "first", 60.0, now=100.0)
+    status(requests, "first", 60.0, arrived_s=100.0)
     former, later = opened(requests, now=100.5), opened(requests, now=103.5)
-    status(requests, "second", 1.0, now=104.0)
+    status(requests, "second", 1.0, arrived_s=104.0)
     with pytest.raises(UnconfirmedError, match="restarted"):
         former.outcome()
     assert not later.is_over
@@ -204,5 +240,24 @@ def test_status_of_the_same_run_ends_no_request(runs: list[str]):
     requests = Requests()
     request = opened(requests, now=1.0)
     for run in runs:
-        status(requests, run, 0.5, now=2.0)
+        status(requests, run, 0.5, arrived_s=2.0)
+    assert not request.is_over
+
+
+def test_second_status_of_the_new_run_ends_requests_that_a_status_read_late_left_open():
+    requests = Requests()
+    status(requests, "first", 60.0, arrived_s=100.0)
+    former = opened(requests, now=100.5)
+    status(requests, "second", 1.0, arrived_s=100.5)  # read at 104.0
+    assert not former.is_over
+    status(requests, "second", 2.0, arrived_s=105.0)
+    assert former.is_over
+
+
+def test_request_that_was_sent_after_the_status_of_the_new_run_stays_open():
+    requests = Requests()
+    status(requests, "first", 60.0, arrived_s=100.0)
+    status(requests, "second", 1.0, arrived_s=104.0)
+    request = opened(requests, now=104.5)
+    status(requests, "second", 1.0, arrived_s=110.0)  # the clock of the station stood still
     assert not request.is_over

@@ -58,7 +58,7 @@ def test_messages_that_are_sent_just_before_the_end_of_the_program_reach_the_air
 
 def test_message_by_short_names_has_the_position_and_number_of_the_station(box: Station, air: Air):
     box.send("cam", speed=13.9, heading=90.0).confirmed()
-    cam = Message(air.hear().pdu, TOLD, 0)
+    cam = Message(air.hear().pdu, TOLD)
     values = {name: cam.get(name) for name in ("speed", "heading", "station", *POSITION)}
     assert values == {"speed": 13.9, "heading": 90.0, "station": 4711, **POSITION}
 
@@ -131,7 +131,7 @@ def test_indications_confirms_and_frames_are_reports_of_the_station(box: Station
         air.send(pdu := mark())
         assert next(indications)["station_id"] == int.from_bytes(pdu[2:6], "big")
         frame = next(frames)
-        assert (frame.info["direction"], pdu in frame.octets) == ("in", True)
+        assert (frame.report["direction"], pdu in frame.octets) == ("in", True)
         sent = box.send("cam", mark())
         assert [next(confirms)["label"] for _ in range(2)] == [sent.label, sent.label]
     air.hear()

@@ -9,7 +9,6 @@ import pytest
 from tests.firmware.captain_client.cpp.double import Double
 from tests.firmware.captain_client.cpp.driver import PROGRAM, TOOLCHAINS, Driver, Installed, install
 from tests.system.conftest import launch_shared
-from tests.system.ports import Ports
 
 __all__ = ["launch_shared"]  # fixture
 
@@ -26,15 +25,6 @@ def installed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
 def program(installed: Installed, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the driver, built by CMake."""
     return installed.built(PROGRAM, tmp_path_factory.mktemp("driver")) / "driver"
-
-
-@pytest.fixture
-def double() -> Iterator[Double]:
-    ports = Ports()
-    double = Double(ports)
-    yield double
-    double.stop()
-    ports.release()
 
 
 @pytest.fixture

@@ -1,0 +1,185 @@
+"""Both clients with a double of a station: restarts, malformed confirms, use after close."""
+
+import asyncio
+import gc
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
+from typing import Any, TypeVar
+
+import pytest
+
+from captain_client import Station, StationError, UnconfirmedError, aio
+from tests.firmware.captain_client.cpp.double import Double
+from tests.firmware.captain_client.test_reception import PDU, TOLD
+from tests.system.station import PATIENCE
+
+T = TypeVar("T")
+
+
+def answered(call: Callable[[], T], answer: Callable[[], object]) -> T:
+    """Return the result of a call of the client, which the double answers meanwhile."""
+    with ThreadPoolExecutor(1) as pool:
+        result = pool.submit(call)
+        answer()
+        return result.result()
+
+
+def welcomed(double: Double, connect: Callable[[], T]) -> T:
+    return answered(connect, double.welcome)
+
+
+async def welcomed_soon(double: Double, connect: Awaitable[T]) -> T:
+    return (await asyncio.gather(connect, asyncio.to_thread(double.welcome)))[0]
+
+
+def connected(double: Double) -> Station:
+    return welcomed(double, lambda: Station(double.address))
+
+
+@asynccontextmanager
+async def connected_soon(double: Double) -> AsyncIterator[aio.Station]:
+    box = aio.Station(double.address)
+    await welcomed_soon(double, box.__aenter__())
+    try:
+        yield box
+    finally:
+        await box.close()
+
+
+def restart(double: Double) -> None:
+    double.stop()
+    double.start_again("run-2")
+
+
+def confirm_as_sent(double: Double, label: str) -> None:
+    double.confirm(label, "accepted", interfaces=["g5"])
+    double.confirm(label, "sent", interface="g5")
+
+
+def confirm_after_subscription(double: Double, label: str) -> None:
+    double.wait_for_subscription("status.")
+    confirm_as_sent(double, label)
+
+
+def publish_cam_after_subscription(double: Double, sequence: int) -> None:
+    double.wait_for_subscription("message.cam.")
+    double.publish("message.cam.", TOLD | {"run": double.run, "sequence": sequence}, PDU)
+
+
+# -- restarts
+
+
+def test_request_to_the_new_run_whose_status_is_read_late_is_confirmed(double: Double, monkeypatch: pytest.MonkeyPatch):
+    with connected(double) as box:
+        first = box.send("cam", PDU)
+        restart(double)
+        answered(first.confirmed, lambda: confirm_after_subscription(double, first.label))
+        sent = box.send("cam", PDU)
+        double.take()
+        double.publish_status(0.1)
+        confirm_as_sent(double, sent.label)
+        monotonic = time.monotonic
+        with monkeypatch.context() as later:
+            later.setattr(time, "monotonic", lambda: monotonic() + 3.0)  # the program does something else for 3 s
+            confirmed = sent.confirmed()
+    assert confirmed.sent == ("g5",)
+
+
+def test_restart_before_the_first_message_counts_the_messages_of_the_new_run(double: Double):
+    with connected(double) as box:
+        cams = welcomed(double, lambda: box.listen("cam", timeout_s=PATIENCE))
+        restart(double)
+        cam = answered(lambda: next(cams), lambda: publish_cam_after_subscription(double, 3))
+        assert (cam.missed, box.missed) == (2, 2)
+
+
+def test_asyncio_restart_before_the_first_message_counts_the_messages_of_the_new_run(double: Double):
+    async def use() -> tuple[int, int]:
+        async with connected_soon(double) as box:
+            cams = await welcomed_soon(double, box.listen("cam", timeout_s=PATIENCE).__aenter__())
+            restart(double)
+            answer = asyncio.to_thread(publish_cam_after_subscription, double, 3)
+            cam, _ = await asyncio.gather(anext(cams), answer)
+            return cam.missed, box.missed
+
+    assert asyncio.run(use()) == (2, 2)
+
+
+# -- malformed confirms
+
+
+def test_malformed_confirm_raises_nothing_in_send(double: Double):
+    with connected(double) as box:
+        double.confirm(box.send("cam", PDU).label, "accepted", interfaces=7)
+        sent = box.send("cam", PDU)
+        confirm_as_sent(double, sent.label)
+        assert sent.confirmed().sent == ("g5",)
+
+
+def test_asyncio_reader_goes_on_after_a_malformed_confirm(double: Double):
+    async def use() -> tuple[str, ...]:
+        async with connected_soon(double) as box:
+            double.confirm((await box.send("cam", PDU)).label, "accepted", interfaces=7)
+            sent = await box.send("cam", PDU)
+            confirm_as_sent(double, sent.label)
+            return (await sent.confirmed()).sent
+
+    assert asyncio.run(use()) == ("g5",)
+
+
+# -- use after close
+
+USES: dict[str, Callable[[Any], Any]] = {
+    "send": lambda box: box.send("cam", PDU),
+    "listen": lambda box: box.listen(),
+    "status": lambda box: box.status(),
+}
+
+
+@pytest.mark.parametrize("use", USES)
+@pytest.mark.filterwarnings("error")
+def test_use_of_a_closed_client_raises_station_error(double: Double, use: str):
+    with connected(double) as box:
+        pass
+    with pytest.raises(StationError, match="closed"):
+        USES[use](box)
+    gc.collect()
+
+
+@pytest.mark.parametrize("use", USES)
+@pytest.mark.filterwarnings("error")
+def test_asyncio_use_of_a_closed_client_raises_station_error(double: Double, use: str):
+    async def main() -> None:
+        async with connected_soon(double) as box:
+            pass
+        with pytest.raises(StationError, match="closed"):
+            await USES[use](box)
+
+    asyncio.run(main())
+    gc.collect()
+
+
+def test_iterator_and_open_request_of_a_closed_client_raise_station_error(double: Double):
+    with connected(double) as box:
+        cams = welcomed(double, box.listen)
+        sent = box.send("cam", PDU)
+    with pytest.raises(StationError, match="closed"):
+        next(cams)
+    with pytest.raises(UnconfirmedError, match="closed"):
+        sent.confirmed()
+
+
+def test_asyncio_tasks_that_wait_when_the_client_is_closed_get_station_errors(double: Double):
+    async def use() -> list[Any]:
+        async with connected_soon(double) as box:
+            cams = await welcomed_soon(double, box.listen("cam").__aenter__())
+            sent = await box.send("cam", PDU)
+            tasks = [asyncio.ensure_future(anext(cams)), asyncio.ensure_future(sent.confirmed())]
+            await asyncio.sleep(0)
+        return await asyncio.wait_for(asyncio.gather(*tasks, return_exceptions=True), PATIENCE)
+
+    iterated, confirmed = asyncio.run(use())
+    assert isinstance(iterated, StationError)
+    assert isinstance(confirmed, UnconfirmedError)
