@@ -18,7 +18,7 @@ def imports(root: Path, libraries: Sequence[Path]) -> list[str]:
     found: set[str] = set()
     for path in bytecode.sources(root):
         for module, names in _statements(ast.parse(path.read_bytes(), str(path))):
-            if module.split(".")[0] in (*bytecode.FOLDERS, MESSAGES):
+            if module.split(".")[0] in (*bytecode.PACKAGES, MESSAGES):
                 continue
             found.add(module)
             found |= {f"{module}.{name}" for name in names if _is_module(f"{module}.{name}", libraries)}

@@ -11,10 +11,14 @@ from types import CodeType
 from typing import NamedTuple
 
 FOLDERS = ("board", "drivers", "firmware", "pps")
+CLIENT = Path(
+    "firmware/captain_client/captain_client"
+)  # a distribution of its own, whose import name is `captain_client`
+PACKAGES = (*FOLDERS, CLIENT.name)
 # Data files that our modules read.
 DATA = ("board/boards/*.toml", "drivers/mqtt/profiles/*.toml", "firmware/*.json", "firmware/meter/assets/*")
-# Packages that captain never imports: those for hosts with ROS, and the client of users' programs.
-APART = ("firmware/gateway", "firmware/captain_client")
+# Code that captain never imports: packages for hosts with ROS, programs of users, and the client for asyncio.
+APART = ("firmware/gateway", "firmware/guide/examples", f"{CLIENT}/aio.py", f"{CLIENT}/aio_link.py")
 SCRIPT = "firmware/__main__.py"
 OPTIMIZATION = 2  # without docstrings and assertions
 
@@ -38,12 +42,13 @@ def sources(root: Path) -> Iterator[Path]:
     """Yield the files of our modules in sorted order, because marshal's output depends on the order."""
     for folder in FOLDERS:
         found = sorted((root / folder).rglob("*.py"))
-        yield from (path for path in found if not {root / place for place in APART} & set(path.parents))
+        yield from (path for path in found if not {root / place for place in APART} & {path, *path.parents})
 
 
 def name(place: Path) -> str:
     """Return the import name of a module: firmware.cli for firmware/cli.py. place: path relative to the project."""
-    parts = place.with_suffix("").parts
+    within = place.relative_to(CLIENT.parent) if place.is_relative_to(CLIENT) else place
+    parts = within.with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
