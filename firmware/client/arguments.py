@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from board.runtime import address as addresses
-from board.runtime.address import check_socket_path, host_and_port
+from board.runtime.address import check_socket_path
 from board.runtime.describe import remedy
 from board.runtime.errors import ConfigurationError
 from firmware import topics
@@ -115,16 +115,13 @@ def station(text: str) -> tuple[str, int]:
     Returns 127.0.0.1 for a missing host and 5555 for a missing port. Raises ArgumentTypeError for an invalid text, and
     for a port above 65532: a station has three more ports after its first one.
     """
-    scheme, separator, _ = text.partition("://")
-    if separator:
-        raise argparse.ArgumentTypeError(f"{text!r}: invalid host and port; write HOST:PORT without {scheme}://")
-    if text.isascii() and text.isdigit():
-        raise argparse.ArgumentTypeError(f"{text!r}: a port without a colon; write :{text}")
-    host, number = host_and_port(text)
-    first = port(number) if number else 5555
-    if first + 3 > 0xFFFF:
-        raise argparse.ArgumentTypeError(f"{text!r}: the three ports after {first} do not exist")
-    return host or "127.0.0.1", first
+    from captain_client.address import parse
+
+    try:
+        place = parse(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+    return place.host, place.from_users
 
 
 def udp_address(text: str) -> addresses.Address:

@@ -4,63 +4,37 @@ import json
 import os
 import socket
 import stat
-import struct
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import zmq
 
 from board.runtime.errors import StationError
+from captain_client import address, errors, sockets
+from captain_client import control as control_socket
+from captain_client.reports import object_of
 from firmware import systemd
-from firmware.endpoint.control.control_socket import default_paths
 
-# A station sends heartbeat and status once a second: after three missing ones it counts as absent.
-ANSWER_S = 3.0
-FOUND_S = 0.5  # time limit for a TCP connection within this machine
-# A status with a hundred interfaces has 100 kB. A peer that sends more than this limit is not a station.
-MAX_ANSWER = 1 << 20  # octets
-# High-water mark: messages that libzmq queues for a slow reader; 10 s at 1,000 per second.
-HIGH_WATER = 10_000
-# ZMTP heartbeats detect a peer that has lost its power or network: TCP does not notice.
-HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 1_000, 3_000
-
+Address: TypeAlias = address.Address
 Socket: TypeAlias = zmq.Socket[bytes]
 Context: TypeAlias = zmq.Context[zmq.Socket[bytes]]
 
-PEER = struct.Struct("=iII")  # struct ucred of unix(7): process id, user id, group id
+ANSWER_S = sockets.ANSWER_S
+FOUND_S = 0.5  # time limit for a TCP connection within this machine
 
-LOCAL = ("127.0.0.1", "localhost", "::1")
+LOCAL = control_socket.LOCAL
 OTHER = "or name another with --station HOST:PORT"
 FIRST_PORT = "give the first of its four ports with --station HOST:PORT"
 START_ONE = f"start one with `captain run`, or {FIRST_PORT} (`make run` has 5555 and 5565)"
 
 
-class Address(NamedTuple):
-    """Address of a station's endpoint: a host and four ports."""
-
-    host: str = "127.0.0.1"
-    from_users: int = 5555
-    to_users: int = 5556
-    pull: int = 5557
-    report: int = 5558
-
-    def url(self, port: int) -> str:
-        """Return the ZeroMQ address of a port at this host; IPv6 addresses get brackets."""
-        return f"tcp://[{self.host}]:{port}" if ":" in self.host else f"tcp://{self.host}:{port}"
-
-
 def parse_report(frames: list[bytes]) -> tuple[str, dict[str, object]] | None:
     """Return topic and JSON object of a message from the report port (5558); None if it is malformed."""
-    if len(frames) != 2:
-        return None
-    try:
-        answer = json.loads(frames[1])
-    except (ValueError, RecursionError):
-        return None
-    return (frames[0].decode("ascii", "backslashreplace"), answer) if isinstance(answer, dict) else None
+    report = object_of(frames) if len(frames) == 2 else None
+    return None if report is None else (frames[0].decode("ascii", "backslashreplace"), report)
 
 
 # -- sockets
@@ -100,9 +74,7 @@ def subscribe(context: Context, place: Address, number: int, *topics: str, url: 
     """
     if not url:
         reach(place.host, number)
-    subscriber = context.socket(zmq.SUB)
-    subscriber.setsockopt(zmq.RCVHWM, HIGH_WATER)
-    return _connect(subscriber, url or place.url(number), topics)
+    return _connected(context.socket(zmq.SUB), url or place.url(number), *topics)
 
 
 def push(context: Context, place: Address) -> Socket:
@@ -111,28 +83,23 @@ def push(context: Context, place: Address) -> Socket:
     Messages sent from then on are not lost. Raises StationError if no PULL socket answers within ANSWER_S.
     """
     reach(place.host, place.pull)
-    pusher = context.socket(zmq.PUSH)
-    pusher.setsockopt(zmq.IMMEDIATE, 1)  # accept messages only after the handshake
-    _connect(pusher, place.url(place.pull), ())
+    pusher = _connected(context.socket(zmq.PUSH), place.url(place.pull))
     if not pusher.poll(round(ANSWER_S * 1000), zmq.POLLOUT):
         what = f"{place.host}:{place.pull}: not the PULL port of a station"
         raise StationError(what, f"{FIRST_PORT}, or its PULL port with --pull PORT")
     return pusher
 
 
-def _connect(end: Socket, url: str, topics: tuple[str, ...]) -> Socket:
-    end.setsockopt(zmq.MAXMSGSIZE, MAX_ANSWER)
-    end.setsockopt(zmq.IPV6, 1)
-    end.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)
-    end.setsockopt(zmq.HEARTBEAT_TIMEOUT, HEARTBEAT_TIMEOUT_MS)
-    end.setsockopt(zmq.HEARTBEAT_TTL, HEARTBEAT_TIMEOUT_MS)
-    for topic in topics:
-        end.setsockopt(zmq.SUBSCRIBE, topic.encode())
-    end.connect(url)
+def _connected(end: Socket, url: str, *topics: str) -> Socket:
+    try:
+        sockets.connect(end, url, *(topic.encode() for topic in topics))
+    except ValueError as error:
+        end.close()
+        raise StationError(str(error), "check the host name") from error
     return end
 
 
-def waiting(subscriber: Socket, most: int = 256) -> Iterator[list[bytes]]:
+def waiting(subscriber: Socket, most: int = sockets.AT_ONCE) -> Iterator[list[bytes]]:
     """Yield the messages that have already arrived at a socket, at most `most`; never wait."""
     for _ in range(most):
         try:
@@ -163,21 +130,18 @@ def ask(path: Path, do: str, timeout: float = ANSWER_S, **more: object) -> dict[
 
     Raises StationError if no station answers at the path, access is denied, or the station refuses the command.
     """
+    question = json.dumps({"do": do, **more}).encode() + b"\n"
     try:
-        line = _ask(path, json.dumps({"do": do, **more}).encode() + b"\n", time.monotonic() + timeout)
-        answer = json.loads(line)
+        return control_socket.answer_of(str(path), control_socket.exchange(str(path), question, timeout))
+    except errors.RefusedError as error:
+        raise StationError(_refused(do, more, error.detail), error.hint) from error
+    except errors.StationError as error:
+        raise StationError(error.message, _start_one()) from error
     except PermissionError as error:
         raise _forbidden(path) from error
     except OSError as error:
         why = error.strerror or str(error)
         raise StationError(f"{path}: no station answers: {why}", _start_one()) from error
-    except (ValueError, RecursionError) as error:
-        raise StationError(f"{path}: the program that answers there is not a station: {error}", _start_one()) from error
-    if not isinstance(answer, dict):
-        raise StationError(f"{path}: the program that answers there is not a station: {line[:40]!r}", _start_one())
-    if answer.get("ok") is not True:
-        raise StationError(_refused(do, more, str(answer.get("error", ""))), str(answer.get("hint", "")))
-    return answer
 
 
 def _start_one(host: str = LOCAL[0]) -> str:
@@ -222,29 +186,6 @@ def _name(look: Callable[[], str], number: int) -> str:
         return str(number)
 
 
-def _ask(path: Path, question: bytes, deadline: float) -> bytes:
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as end:
-        end.settimeout(max(0.001, deadline - time.monotonic()))
-        end.connect(str(path))
-        if path.parent.stat().st_mode & stat.S_IWOTH and (user := _peer_user(end)) not in (0, os.getuid()):
-            raise StationError(f"{path}: the socket belongs to user {user}, who may not run the station", _start_one())
-        end.sendall(question)
-        line = b""
-        while not line.endswith(b"\n"):
-            end.settimeout(max(0.001, deadline - time.monotonic()))
-            part = end.recv(1 << 16)
-            if not part or len(line) > MAX_ANSWER:
-                raise ValueError(f"{len(line)} octets without an end of line")
-            line += part
-        return line
-
-
-def _peer_user(end: socket.socket) -> int:
-    """Return the user id of the process that listens at a Unix socket: SO_PEERCRED of unix(7)."""
-    credentials = end.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, PEER.size)
-    return int(PEER.unpack(credentials)[1])
-
-
 def ask_local(place: Address, control: str, do: str, timeout: float = ANSWER_S, **more: object) -> dict[str, object]:
     """Send a command to a station of this machine by ask(), and return the answer.
 
@@ -255,7 +196,11 @@ def ask_local(place: Address, control: str, do: str, timeout: float = ANSWER_S, 
     """
     if place.host not in LOCAL:
         raise StationError(f"{place.host} is another machine", "log in there: only a local station takes commands")
-    paths = [control] if control else [path for path in default_paths(place.from_users) if os.path.exists(path)]
+    paths = (
+        [control]
+        if control
+        else [path for path in control_socket.default_paths(place.from_users) if os.path.exists(path)]
+    )
     if not paths:
         raise _not_found(place)
     return ask(Path(paths[0]), do, timeout + 1.0, within_s=timeout, **more)
@@ -280,7 +225,7 @@ def status(place: Address, control: str = "", timeout: float = ANSWER_S) -> dict
     """
     if control:
         return station_status(Path(control), timeout)
-    for path in default_paths(place.from_users) if place.host in LOCAL else ():
+    for path in control_socket.default_paths(place.from_users) if place.host in LOCAL else ():
         try:
             return station_status(Path(path), timeout)
         except StationError:

@@ -19,11 +19,12 @@ def copy_of(root: Path, place: Path) -> Path:
 
 
 def run_in(root: Path, words: Sequence[str], wait_s: float = WAIT_S) -> subprocess.CompletedProcess[str]:
-    """Runs `python -m WORDS...` in a tree, with this environment's packages and the tree's own modules and codec.
+    """Runs `python -m WORDS...` in a tree, with this environment's packages and the tree's own modules, client and codec.
 
     Raises subprocess.TimeoutExpired after wait_s seconds.
     """
-    path = f"{root}:{root / 'build/codec/python'}:{Path(__file__).parent}"  # the last: contexts.py, which an old tree lacks
+    here = Path(__file__).parent  # has contexts.py, which an old tree lacks
+    path = f"{root}:{root / 'firmware/captain_client'}:{root / 'build/codec/python'}:{here}"
     environment = dict(os.environ, PYTHONPATH=path, PYTHONDONTWRITEBYTECODE="1")
     return subprocess.run(
         [sys.executable, "-m", *words],

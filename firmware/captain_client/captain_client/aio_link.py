@@ -28,12 +28,12 @@ from captain_client.sockets import (
 class Inlet:
     """SUB socket that is read in batches: waiting costs ten times as much as reading.
 
-    Parameters: those of sockets.connect().
+    topics, most  as of sockets.connect().
     """
 
     def __init__(self, context: zmq.asyncio.Context, address: Address, *topics: bytes, most: int = HIGH_WATER) -> None:
         self._socket = context.socket(zmq.SUB)
-        connect(self._socket, address, address.report, *topics, most=most)
+        connect(self._socket, address.url(address.report), *topics, most=most)
         self._plain: zmq.Socket[bytes] = zmq.Socket.shadow(self._socket)
         self._arrived: deque[list[bytes]] = deque()
 
@@ -97,7 +97,7 @@ class Link:
         try:
             self._reports = Inlet(self._context, address, CONFIRM, STATUS, most=HIGH_WATER_OF_REPORTS)
             self._push = self._context.socket(zmq.PUSH)
-            connect(self._push, address, address.pull)
+            connect(self._push, address.url(address.pull))
             self._plain_push: zmq.Socket[bytes] = zmq.Socket.shadow(self._push)
         except BaseException:
             self._context.destroy()

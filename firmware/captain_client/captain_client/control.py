@@ -6,6 +6,7 @@ import socket
 import stat
 import struct
 import tempfile
+import time
 from typing import Any
 
 from captain_client.address import Address
@@ -59,7 +60,8 @@ def answer_of(path: str, line: bytes) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise StationError(f"{path}: the program that answers there is not a station: {line[:40]!r}")
     if found.get("ok") is not True:
-        raise RefusedError(f"the station refused the command: {found.get('error', '')}", str(found.get("hint", "")))
+        error = str(found.get("error", ""))
+        raise RefusedError(f"the station refused the command: {error}", str(found.get("hint", "")), detail=error)
     return found
 
 
@@ -78,19 +80,34 @@ def unanswered(path: str, error: OSError) -> StationError:
     return StationError(f"{path}: no station answers: {error.strerror or error}", hint)
 
 
+def exchange(path: str, line: bytes, timeout_s: float) -> bytes:
+    """Send a line to a control socket, and return its answer: a line, or less if the other end closes the connection.
+
+    Raises OSError if no program answers within timeout_s seconds, and StationError like check_peer().
+    """
+    deadline = time.monotonic() + timeout_s
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as end:
+        end.settimeout(timeout_s)
+        end.connect(path)
+        check_peer(path, end)
+        end.sendall(line)
+        answer = b""
+        while not answer.endswith(b"\n") and len(answer) <= MOST_OCTETS:
+            end.settimeout(max(0.001, deadline - time.monotonic()))
+            part = end.recv(1 << 16)
+            if not part:
+                break
+            answer += part
+        return answer
+
+
 def ask(path: str, do: str, within_s: float = COMMAND_S, **more: object) -> dict[str, Any]:
     """Send a command to a control socket, and return the station's answer.
 
     Raises RefusedError if the station refuses the command, and StationError if no station answers.
     """
     try:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as end:
-            end.settimeout(within_s + 1.0)
-            end.connect(path)
-            check_peer(path, end)
-            end.sendall(question(do, within_s, more))
-            with end.makefile("rb") as lines:
-                line = lines.readline(MOST_OCTETS)
+        answer = exchange(path, question(do, within_s, more), within_s + 1.0)
     except OSError as error:
         raise unanswered(path, error) from error
-    return answer_of(path, line)
+    return answer_of(path, answer)

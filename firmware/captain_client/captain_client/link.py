@@ -30,9 +30,9 @@ class Link:
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         try:
             self._reports = self._context.socket(zmq.SUB)
-            connect(self._reports, address, address.report, CONFIRM, STATUS, most=HIGH_WATER_OF_REPORTS)
+            connect(self._reports, address.url(address.report), CONFIRM, STATUS, most=HIGH_WATER_OF_REPORTS)
             self._push = self._context.socket(zmq.PUSH)
-            connect(self._push, address, address.pull)
+            connect(self._push, address.url(address.pull))
             self._join()
         except BaseException:
             self.close()
@@ -79,7 +79,7 @@ class Link:
         """
         check_open(self._push)
         end = self._context.socket(zmq.SUB)
-        connect(end, self._address, self._address.report, *topics, STATUS)
+        connect(end, self._address.url(self._address.report), *topics, STATUS)
         return end
 
     def first_status(self, end: "zmq.Socket[bytes]") -> Iterator[list[bytes]]:

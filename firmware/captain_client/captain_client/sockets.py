@@ -23,10 +23,12 @@ CONFIRM = b"confirm."
 AT_ONCE = 256  # messages that are read before the program goes on
 
 
-def connect(end: "zmq.Socket[Any]", address: Address, port: int, *topics: bytes, most: int = HIGH_WATER) -> None:
+def connect(end: "zmq.Socket[Any]", url: str, *topics: bytes, most: int = HIGH_WATER) -> None:
     """Set the options of a SUB or PUSH socket, subscribe it to topics, and connect it in the background.
 
-    Raises ValueError if the host name is invalid.
+    url  ZeroMQ address of the other end.
+
+    Raises ValueError if the address is invalid.
     """
     end.set(zmq.RCVHWM, most)
     end.set(zmq.LINGER, LINGER_MS if end.type == zmq.PUSH else 0)
@@ -40,9 +42,9 @@ def connect(end: "zmq.Socket[Any]", address: Address, port: int, *topics: bytes,
     for topic in topics:
         end.set(zmq.SUBSCRIBE, topic)
     try:
-        end.connect(address.url(port))
+        end.connect(url)
     except zmq.ZMQError as error:
-        raise ValueError(f"{address.host!r}: invalid host: {error}") from error
+        raise ValueError(f"{url}: invalid host or port: {error}") from error
 
 
 def check_open(end: "zmq.Socket[Any]") -> None:

@@ -62,6 +62,20 @@ def test_command_without_a_station_raises_with_the_path(tmp_path: Path):
         control.ask(str(tmp_path / "gone"), "status")
 
 
+def test_command_that_is_not_answered_in_time_raises(tmp_path: Path):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
+        listener.bind(str(path := tmp_path / "s"))
+        listener.listen()
+        with pytest.raises(TimeoutError):
+            control.exchange(str(path), b"{}\n", 0.01)
+
+
+def test_answer_without_an_end_of_line_is_read_up_to_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(control, "MOST_OCTETS", 10)
+    with answering(path := tmp_path / "s", bytes(11)):
+        assert control.exchange(str(path), b"{}\n", 5.0) == bytes(11)
+
+
 def test_path_that_the_user_gives_is_used_for_any_host():
     assert control.path_of(parse("captain-7.local"), "/run/own.sock") == "/run/own.sock"
 
@@ -106,3 +120,14 @@ def test_socket_of_another_user_in_a_folder_of_all_users_is_refused(tmp_path: Pa
     tmp_path.chmod(0o777)
     with pytest.raises(StationError, match="belongs to user 54321"):
         control.check_peer(str(tmp_path / "s"), Listener(54321))
+
+
+def test_socket_of_this_process_belongs_to_its_user(tmp_path: Path):
+    tmp_path.chmod(0o777)
+    near, far = socket.socketpair(socket.AF_UNIX)
+    with near, far:
+        control.check_peer(str(tmp_path / "s"), near)
+        assert (
+            control.PEER.unpack(near.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, control.PEER.size))[1]
+            == os.getuid()
+        )

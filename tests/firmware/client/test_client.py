@@ -2,8 +2,11 @@
 
 import time
 
+import pytest
 import zmq
 
+from board.runtime.errors import StationError
+from captain_client import sockets
 from firmware.client import client
 from tests.broker.proxy import Proxy
 
@@ -12,8 +15,8 @@ HOST = "127.0.0.1"
 
 
 def test_a_line_that_swallows_everything_is_noticed_and_replaced(monkeypatch):
-    monkeypatch.setattr(client, "HEARTBEAT_MS", 100)
-    monkeypatch.setattr(client, "HEARTBEAT_TIMEOUT_MS", 500)
+    monkeypatch.setattr(sockets, "HEARTBEAT_MS", 100)
+    monkeypatch.setattr(sockets, "HEARTBEAT_TIMEOUT_MS", 500)
     with client.session() as context, context.socket(zmq.PUB) as station:
         port = station.bind_to_random_port(f"tcp://{HOST}")
         with Proxy(port) as line:
@@ -32,6 +35,11 @@ def test_a_line_that_swallows_everything_is_noticed_and_replaced(monkeypatch):
             line.cut()
             list(client.waiting(subscriber))
             until(arrives)
+
+
+def test_address_that_zeromq_refuses_raises_a_station_error():
+    with client.session() as context, pytest.raises(StationError, match=r"^tcp://\.\.:5556: invalid host or port"):
+        client.subscribe(context, client.Address(), 5556, url="tcp://..:5556")
 
 
 def until(holds) -> None:

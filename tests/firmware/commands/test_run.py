@@ -4,6 +4,8 @@ import argparse
 import io
 import logging
 import re
+import subprocess
+import sys
 import time
 
 import pytest
@@ -61,3 +63,8 @@ def test_a_log_has_times_on_a_terminal_and_none_elsewhere(monkeypatch, is_termin
         run.main(argparse.Namespace(log="warning"))
     pattern = r"\d\d:\d\d:\d\d\.\d\d\d captain: WARNING: said\n" if is_terminal else r"captain: WARNING: said\n"
     assert re.fullmatch(pattern, stream.getvalue())
+
+
+def test_station_that_starts_imports_no_client():
+    code = "import sys, firmware.commands.run; print(sys.modules.keys() & {'captain_client', 'firmware.client.client'})"
+    assert subprocess.check_output([sys.executable, "-c", code], text=True) == "set()\n"

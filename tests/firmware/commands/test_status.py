@@ -3,7 +3,6 @@ import json
 import os
 import re
 import socket
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -205,19 +204,13 @@ def test_a_station_listens_where_its_command_line_looks(tmp_path, monkeypatch, r
 )
 def test_a_stranger_in_a_folder_of_everybody_is_not_believed(tmp_path, monkeypatch, capsys, mode, user, is_believed):
     # Only root could really listen as somebody else.
-    monkeypatch.setattr(client, "_peer_user", lambda end: user)
+    monkeypatch.setattr(socket.socket, "getsockopt", lambda *_: client.control_socket.PEER.pack(1, user, user))
     tmp_path.chmod(mode)
     answer = json.dumps({"ok": True, "status": STATUS}).encode() + b"\n"
     with FakeControl(tmp_path / "control", answer) as control:
         assert cli.main(["status", "--control", str(control.path)]) == (0 if is_believed else 1)
     assert (f"belongs to user {STRANGER}" in capsys.readouterr().err) is not is_believed
     assert any(control.lines) is is_believed
-
-
-def test_who_listens_is_told_by_the_kernel():
-    near, far = socket.socketpair(socket.AF_UNIX)
-    with near, far:
-        assert client._peer_user(near) == os.getuid()
 
 
 @pytest.mark.parametrize(
@@ -263,14 +256,14 @@ def test_watching_over_the_control_socket_asks_again_and_again(tmp_path, monkeyp
 @pytest.mark.parametrize("place", ["control", ""])
 def test_a_right_that_is_missing_is_told_with_whose_the_socket_is(tmp_path, monkeypatch, capsys, place):
     # The tests may run as root, whom nothing is denied.
-    def connect(path: Path, question: bytes, deadline: float) -> bytes:
+    def exchange(path: str, line: bytes, timeout_s: float) -> bytes:
         raise PermissionError(errno.EACCES, "Permission denied")
 
     socket_path = tmp_path / "control"
     socket_path.touch()
     denied = tmp_path / place
     denied.chmod(0o710)
-    monkeypatch.setattr(client, "_ask", connect)
+    monkeypatch.setattr(client.control_socket, "exchange", exchange)
     monkeypatch.setattr(client.os, "access", lambda path, way: path != denied)
     assert cli.main(["status", "--control", str(socket_path)]) == 1
     said = capsys.readouterr().err
