@@ -22,7 +22,7 @@ from firmware.codec.decoding import Decoder
 from firmware.codec.library import NoLibraryError, load
 from firmware.codec.rows import DECODED_HEADS, cells_of
 from firmware.lab import ports
-from firmware.lab.demo_user import MAC, SUBJECTS, User
+from firmware.lab.demo_user import MAC, PATH, SUBJECTS, User
 from firmware.lab.program import Program
 
 DESCRIPTION = """\
@@ -124,6 +124,8 @@ def _start(ending: ExitStack) -> list[DemoStation]:
     for (name, board), first in zip(boards(free_udp(HOST, 3)), firsts, strict=True):
         given = ["run", "--board", "/dev/stdin", "--log", "warning"]
         given += ["--set", f"station.name={name}", "--set", f"station.mac={MAC[name]}"]
+        centre = PATH[name].centre
+        given += ["--set", f"station.position={{latitude={centre.latitude}, longitude={centre.longitude}}}"]
         for at, key in enumerate(("from_users", "to_users", "pull", "report")):
             given += ["--set", f"endpoint.{key}={first + at}"]
         child = Program(f"station {name}", given, board.encode())

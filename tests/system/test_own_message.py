@@ -84,6 +84,8 @@ def test_own_message_of_the_guide_is_encoded_and_decoded_on_the_command_line(fol
     said = sh(*captain, "decode", octets(), PYTHONPATH=library)
     assert said.startswith("hello: ")
     assert "battery: 80" in said
+    made = sh(*captain, "encode", "--example", "hello", "battery=7", "text=hi", PYTHONPATH=library)
+    assert "battery: 7\n" in sh(*captain, "decode", made.strip(), PYTHONPATH=library)
 
 
 def test_registration_of_the_guide_is_what_the_command_writes_and_prints(folder: Path) -> None:

@@ -195,6 +195,8 @@ captain_status captain_set(const captain_message *message, void *value, const ch
     for (unsigned i = 0; path == NULL && i < message->short_names_count; i++)
         if (strcmp(message->short_names[i].name, name) == 0)
             path = message->short_names[i].path;
+    if (path == NULL && message->pdu->kind == CAPTAIN_SEQUENCE && find_field(message->pdu, name, strlen(name)) != NULL)
+        path = name; /* a component of the message itself */
     if (path == NULL)
         return captain_set_unknown(&in, message, name);
     captain_status status = set_at(&in, message->pdu, NULL, value, path);
