@@ -28,7 +28,8 @@ atexit.register(lambda: print(len(sys.modules)))
 runpy.run_module("firmware", run_name="__main__", alter_sys=True)
 """
 FORMS = {"directory": "captain-dir/captain", "file": "captain"}
-RECEPTION_GOAL, START_GOAL, SIZE_GOAL = 1.05, 1.05, 1.01
+RECEPTION_GOAL, START_GOAL = 1.05, 1.05
+SIZE_GOAL = 1.011  # JSON in and out may take 300 kB
 
 
 def main() -> int:

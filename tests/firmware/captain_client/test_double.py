@@ -80,6 +80,7 @@ def test_request_to_the_new_run_whose_status_is_read_late_is_confirmed(double: D
         double.take()
         double.publish_status(0.1)
         confirm_as_sent(double, sent.label)
+        assert box._link._reports.poll(round(PATIENCE * 1000))  # the status has arrived, and is not read yet
         monotonic = time.monotonic
         with monkeypatch.context() as later:
             later.setattr(time, "monotonic", lambda: monotonic() + 3.0)  # the program does something else for 3 s
