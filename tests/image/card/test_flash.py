@@ -5,6 +5,7 @@ import hashlib
 import io
 import os
 from pathlib import Path
+from random import Random
 from typing import BinaryIO
 
 import pytest
@@ -32,7 +33,7 @@ def device(tmp_path: Path, name: str = "sdx", /, **words: str) -> BlockDevice:
 @pytest.fixture
 def image(tmp_path: Path) -> Path:
     path = tmp_path / "image"
-    path.write_bytes(os.urandom(5 * MIB) + bytes(3 * MIB) + b"end")
+    path.write_bytes(Random(1).randbytes(5 * MIB) + bytes(3 * MIB) + b"end")
     return path
 
 
