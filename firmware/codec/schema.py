@@ -1,7 +1,7 @@
 """JSON schema (draft 2020-12) of a message, generated from the tables of the message library."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 from drivers.wire.type_tree import Type
 from firmware.codec.library import Message
@@ -91,13 +91,13 @@ class _Definitions:
                 items = self.reference(type_.element, None)
                 return {"type": "array", "items": items, **_size(type_, "minItems", "maxItems")}
             case "open type":
-                raw = [] if any(row.kind in self._not_raw() for _, row in type_.rows) else [_HEX]
+                raw = [] if any(self._may_be_text(row) for _, row in type_.rows) else [_HEX]
                 return _any([*(self.reference(row, None) for _, row in type_.rows), *raw])
             case _:
                 return _text(type_)
 
-    def _not_raw(self) -> Sequence[str]:
-        return (*_NOT_RAW, "INTEGER") if self._is_plain else _NOT_RAW
+    def _may_be_text(self, type_: Type) -> bool:
+        return type_.kind in _NOT_RAW or (self._is_plain and bool(type_.special))
 
     def _number(self, type_: Type, unit: str | None) -> Schema:
         if not self._is_plain or unit is None:

@@ -4,6 +4,7 @@ import json
 import random
 from typing import Any
 
+import jsonschema
 import pytest
 
 from firmware.codec.schema import DRAFT, schema
@@ -95,3 +96,11 @@ def test_a_schema_names_its_draft_and_edition():
     ):
         assert not fits.is_valid(wrong)
     assert not fits.is_valid({"edition": "cam-1.4.1", "form": "plain", "message": message})
+
+
+@pytest.mark.parametrize("is_plain", [False, True])
+def test_octets_of_an_unknown_open_type_beside_numbers_fit_the_schema(is_plain: bool):
+    whole = schema(captain_messages.find("ivim-2.2.1"), is_plain)
+    item = jsonschema.Draft202012Validator({"$defs": whole["$defs"], "$ref": "#/$defs/SupportItem"})
+    assert item.is_valid({"id": 9, "content": "38B8"})
+    assert not item.is_valid({"id": 9, "content": "text"})
