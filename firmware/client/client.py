@@ -196,11 +196,7 @@ def ask_local(place: Address, control: str, do: str, timeout: float = ANSWER_S, 
     """
     if place.host not in LOCAL:
         raise StationError(f"{place.host} is another machine", "log in there: only a local station takes commands")
-    paths = (
-        [control]
-        if control
-        else [path for path in control_socket.default_paths(place.from_users) if os.path.exists(path)]
-    )
+    paths = [control] if control else list(filter(os.path.exists, control_socket.default_paths(place.from_users)))
     if not paths:
         raise _not_found(place)
     return ask(Path(paths[0]), do, timeout + 1.0, within_s=timeout, **more)

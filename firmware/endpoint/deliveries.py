@@ -4,9 +4,9 @@ import json
 from collections import Counter
 
 from board.runtime.loop import Loop
-from drivers.message import Indication, MessageType
+from drivers.message import Indication
 from drivers.reason import Reason
-from firmware.endpoint.feed import received_of, rows_of
+from firmware.endpoint.feed import received_of, types_of
 from firmware.endpoint.publisher import Publisher
 from firmware.facilities.exchange import Received, reception_of
 from firmware.routing.drops import Drops
@@ -21,24 +21,19 @@ PERIOD_S = 1.0
 class Deliveries:
     """Publishes the messages that were delivered on port 5556, while a user subscribes to their type."""
 
-    def __init__(self, loop: Loop, kinds: list[MessageType], reports: Publisher, drops: Drops) -> None:
+    def __init__(self, loop: Loop, reports: Publisher, drops: Drops) -> None:
         self._clock = loop.clock
-        self._kinds = kinds
         self._drops = drops
         self._reports = reports
         self._wanted: set[bytes] = set()
-        self._rows = [False] * len(kinds)  # by row of the table of types: does a user want it?
+        self._types: frozenset[str] = frozenset()  # types that a user wants
         self._told = Counter[str]()  # messages of each type that were published in this period
         self._renewed = loop.clock()
 
     def want(self, topic: bytes, is_wanted: bool) -> None:
         """Start or stop a topic: its first subscriber came, or its last one left."""
         (self._wanted.add if is_wanted else self._wanted.discard)(topic)
-        self._rows = rows_of(self._kinds, self._wanted)
-
-    def add_kind(self) -> None:
-        """Take a type that was added to the table of types."""
-        self._rows = rows_of(self._kinds, self._wanted)
+        self._types = types_of(self._wanted)
 
     def publish(self, indications: list[Indication], sequences: list[int]) -> None:
         """Publish those messages whose type a user wants."""
@@ -46,7 +41,7 @@ class Deliveries:
             self._told.clear()
             self._renewed = self._clock()
         for one, sequence in zip(indications, sequences, strict=True):
-            if not self._rows[one.kind.row]:
+            if one.kind.name not in self._types:
                 continue
             self._told[one.kind.name] += 1
             if self._told[one.kind.name] > BUDGET:

@@ -154,10 +154,6 @@ class Endpoint:
 
     def add_kind(self, kind: MessageType) -> None:
         """Take a type that was added to the table of types."""
-        self.users.add_kind(kind)
-        for side in (self._facilities, self._deliveries):
-            if side is not None:
-                side.add_kind()
         self._reports.add_costly(f"{word}.{kind.name}.".encode() for word in WORDS_OF_TYPES)
 
     def status(self) -> dict[str, object]:
@@ -230,7 +226,7 @@ class Endpoint:
         if self._deliveries is None:
             from firmware.endpoint.deliveries import Deliveries
 
-            self._deliveries = Deliveries(self._loop, self._routing.topics.kinds, self._reports, self._drops)
+            self._deliveries = Deliveries(self._loop, self._reports, self._drops)
             self.users.listeners.append(self._deliveries)
         return self._deliveries
 

@@ -12,7 +12,7 @@ import zmq
 from board.runtime.worker import Worker
 from drivers.message import Fault, Indication, MessageType
 from drivers.reason import Reason
-from firmware.endpoint.feed import Feed, rows_of
+from firmware.endpoint.feed import Feed, types_of
 from firmware.endpoint.json_requests import JsonRequests
 from firmware.endpoint.publisher import Publisher
 from firmware.facilities.exchange import Ask, packed, parts_of
@@ -37,12 +37,11 @@ class Facilities:
         self, routing: Routing, context: zmq.Context[zmq.Socket[bytes]], reports: Publisher, station_id: int
     ) -> None:
         self._drops = routing.drops
-        self._kinds = routing.topics.kinds
         self._context = context
         self._reports = reports
         self._requests = JsonRequests(routing, self._give, station_id)
         self._wanted: set[bytes] = set()
-        self._rows = [False] * len(self._kinds)  # by row of the table of types: does a user want its JSON?
+        self._types: frozenset[str] = frozenset()  # types whose JSON a user wants
         self._feed: Feed | None = None
         self._made = self._lost = 0
         self._told_done = self._told_lost = 0  # numbers that the process has reported since its start
@@ -67,7 +66,7 @@ class Facilities:
     def want(self, topic: bytes, is_wanted: bool) -> None:
         """Start or stop a topic: its first subscriber came, or its last one left."""
         (self._wanted.add if is_wanted else self._wanted.discard)(topic)
-        self._rows = rows_of(self._kinds, self._wanted)
+        self._types = types_of(self._wanted)
         if is_wanted:
             if self._feed is None:
                 self._feed = Feed(self._context)
@@ -75,16 +74,12 @@ class Facilities:
         if self._worker.is_up:
             self._tell_wanted()
 
-    def add_kind(self) -> None:
-        """Take a type that was added to the table of types."""
-        self._rows = rows_of(self._kinds, self._wanted)
-
     def publish(self, indications: list[Indication], sequences: list[int]) -> None:
         """Give those received messages to the process whose JSON a user wants."""
         if self._feed is None:
             return
         for one, sequence in zip(indications, sequences, strict=True):
-            if not self._rows[one.kind.row]:
+            if one.kind.name not in self._types:
                 continue
             if self._worker.is_up and self._feed.send(one, sequence):
                 self._has_heard = True

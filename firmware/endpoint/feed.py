@@ -1,12 +1,12 @@
 """Feed: received messages for the facilities process, on a private ZeroMQ socket."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import zmq
 from zmq.backend import Socket as PlainSocket
 
-from drivers.message import Indication, MessageType, Position
+from drivers.message import Indication, Position
 from firmware.endpoint.report import run_id, said_of
 from firmware.facilities.exchange import Received, packed
 
@@ -63,10 +63,9 @@ class Feed:
                 return self._subscriptions > 0
 
 
-def rows_of(kinds: Sequence[MessageType], topics: Iterable[bytes]) -> list[bool]:
-    """Return for each row of the table of types whether one of the topics, such as b"json.cam.", is of this type."""
-    names = {topic.split(b".")[1].decode() for topic in topics}
-    return [kind.name in names for kind in kinds]
+def types_of(topics: Iterable[bytes]) -> frozenset[str]:
+    """Return the message types of topics such as b"json.cam."."""
+    return frozenset(topic.split(b".")[1].decode() for topic in topics)
 
 
 def received_of(one: Indication, sequence: int, number: int = 0) -> Received:

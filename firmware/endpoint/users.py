@@ -1,13 +1,14 @@
 """Port 5556: publishes `raw.` and `v2x.<type>.` of received messages, and the heartbeat."""
 
 import time
+from collections import Counter
 from collections.abc import Callable
 from typing import Protocol
 
 import zmq
 
 from board.runtime.loop import Loop
-from drivers.message import Ego, Indication, MessageType, Position
+from drivers.message import Ego, Indication, Position
 from drivers.wire import raw
 from firmware.endpoint.peers.interest import CountedTopics
 from firmware.endpoint.publisher import Publisher
@@ -44,7 +45,7 @@ class Users:
         self.published = 0
         self.raw = 0
         self.listeners: list[DeliveryListener] = []
-        self._sequences = {kind.name: 0 for kind in topics.kinds}  # number of the last message of each type
+        self._sequences = Counter[str]()  # number of the last message of each type
         self._is_raw_wanted = False
         self._loop = loop
         self._envelopes = topics.envelopes
@@ -72,10 +73,6 @@ class Users:
         sequences = [self._next(one.kind.name) for one in indications]
         for listener in self.listeners:
             listener.publish(indications, sequences)
-
-    def add_kind(self, kind: MessageType) -> None:
-        """Take a type that was added to the table of types."""
-        self._sequences[kind.name] = 0
 
     def _next(self, name: str) -> int:
         self._sequences[name] = number = self._sequences[name] + 1

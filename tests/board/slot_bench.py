@@ -59,7 +59,7 @@ class Bench:
         self.plug(None)
 
     def take(self):
-        """What was switched since the last call."""
+        """Return what was switched since the last call."""
         taken, self.switched = self.switched, []
         return taken
 

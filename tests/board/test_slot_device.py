@@ -97,7 +97,7 @@ def test_a_device_that_flaps_is_a_fault_until_it_stays(bench):
         bench.plug(MODEM._replace(number=10 + number))
     assert bench.slot.state is SequencerState.FAULT
     assert bench.slot.cause.message == f"its device at 1-1.3 disappeared {FLAPS} times within 60 s"
-    for number in range(20):  # on and on: no change is told any more
+    for number in range(20):  # no further change is reported
         bench.changes.clear()
         bench.unplug()
         bench.loop.run_for(STEADY_S / 2)

@@ -21,6 +21,7 @@ from captain_client.sockets import (
     check_open,
     connect,
     ms_until,
+    offered,
     unreachable,
 )
 
@@ -136,15 +137,9 @@ class Link:
         """
         check_open(self._push)
         deadline = time.monotonic() + self.timeout_s
-        while True:
-            request, frames = self._requests.open(kind, out, time.monotonic())
-            try:
-                self._plain_push.send_multipart(frames, zmq.NOBLOCK)
-            except zmq.Again:  # the connection has ended
-                self._requests.forget(request)
-            else:
-                return request
+        while (request := offered(self._plain_push, self._requests, kind, out)) is None:
             await self._writable(deadline)
+        return request
 
     def subscribe(self, topics: tuple[bytes, ...]) -> Inlet:
         """Return a new inlet, subscribed in the background to topics and to a status.

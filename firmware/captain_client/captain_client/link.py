@@ -9,7 +9,16 @@ import zmq
 from captain_client.address import Address
 from captain_client.errors import UnreachableError
 from captain_client.requests import STATUS, Outgoing, Request, Requests
-from captain_client.sockets import AT_ONCE, CONFIRM, HIGH_WATER_OF_REPORTS, check_open, connect, ms_until, unreachable
+from captain_client.sockets import (
+    AT_ONCE,
+    CONFIRM,
+    HIGH_WATER_OF_REPORTS,
+    check_open,
+    connect,
+    ms_until,
+    offered,
+    unreachable,
+)
 
 PROBE_S = 0.5  # time limit for a TCP connection that finds out why no station answers
 
@@ -50,16 +59,10 @@ class Link:
         check_open(self._push)
         deadline = time.monotonic() + self._timeout_s
         self._take_reports()
-        while True:
-            request, frames = self._requests.open(kind, out, time.monotonic())
-            try:
-                self._push.send_multipart(frames, zmq.NOBLOCK)
-            except zmq.Again:  # the connection has ended
-                self._requests.forget(request)
-            else:
-                return request
+        while (request := offered(self._push, self._requests, kind, out)) is None:
             if not self._push.poll(ms_until(deadline), zmq.POLLOUT):
                 raise self.unreachable(self._address.pull)
+        return request
 
     def wait_for(self, request: Request, timeout_s: float) -> None:
         """Read confirms until a request is over, at most timeout_s seconds."""

@@ -62,7 +62,7 @@ class Message:
     def error(self) -> str:
         """Reason why the message cannot be decoded; empty if it can."""
         try:
-            self._decoded  # noqa: B018
+            self._decoded  # noqa: B018 - the access decodes
         except StationError as error:
             return str(error)
         return ""

@@ -8,7 +8,7 @@ import zmq
 
 from captain_client.address import Address
 from captain_client.errors import StationError, UnreachableError
-from captain_client.requests import check_type
+from captain_client.requests import Outgoing, Request, Requests, check_type
 
 ANSWER_S = 3.0  # timeout of the station: three statuses of one second each are missing
 CONFIRM_S = 15.0  # timeout of confirms: a message in JSON may wait 10 s for the station's encoder
@@ -51,6 +51,17 @@ def check_open(end: "zmq.Socket[Any]") -> None:
     """Raise StationError if a socket is closed."""
     if end.closed:
         raise StationError("the client or its subscription is closed", "use it in its `with` block")
+
+
+def offered(push: "zmq.Socket[bytes]", requests: Requests, kind: str, out: Outgoing) -> Request | None:
+    """Send a request if libzmq takes it at once, and return it; None if the connection has ended."""
+    request, frames = requests.open(kind, out, time.monotonic())
+    try:
+        push.send_multipart(frames, zmq.NOBLOCK)
+    except zmq.Again:
+        requests.forget(request)
+        return None
+    return request
 
 
 def topics_of(kind: str, names: Sequence[str]) -> tuple[bytes, ...]:

@@ -11,9 +11,8 @@ from types import CodeType
 from typing import NamedTuple
 
 FOLDERS = ("board", "drivers", "firmware", "pps")
-CLIENT = Path(
-    "firmware/captain_client/captain_client"
-)  # a distribution of its own, whose import name is `captain_client`
+# A distribution of its own, whose import name is `captain_client`.
+CLIENT = Path("firmware/captain_client/captain_client")
 PACKAGES = (*FOLDERS, CLIENT.name)
 # Data files that our modules read.
 DATA = ("board/boards/*.toml", "drivers/mqtt/profiles/*.toml", "firmware/*.json", "firmware/meter/assets/*")

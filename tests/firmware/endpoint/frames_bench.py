@@ -41,7 +41,7 @@ BEACON = bytes.fromhex(
 
 
 class Counts:
-    """Of an interface."""
+    """Counters of an interface."""
 
     def __init__(self) -> None:
         self.received = [0]
@@ -99,7 +99,7 @@ class Bench:
         self.frames.observe([Indication(kind, pdu, interface, when_ns, 0.0, rx, QUALITY)])
 
     def later(self) -> list[dict[str, Any]]:
-        """What was told of since the last time."""
+        """Return what was reported since the last call."""
         self.loop.run_for(LATER_S * 1.5)
         told, self.told = self.told, []
         self.octets = [octets for _, _, octets in told]
