@@ -9,12 +9,12 @@ from typing import NamedTuple
 from image.description import Description
 from image.errors import ImageError
 from image.filesystem.tree import Tree
+from image.own_files import CARD, OVERLAY, formed
 from image.packages import Package, write_index
 from image.parts import accounts
 from image.parts.kernel import Kernel
 from image.tool import run
 
-OVERLAY = Path(__file__).parents[1] / "overlay"
 PLACE = "usr/lib/captain"  # folder of the program
 DOCUMENTS = "usr/share/doc/captain"
 DPKG = "var/lib/dpkg"
@@ -162,7 +162,7 @@ class Laid(NamedTuple):
 
 
 def overlaid(description: Description) -> Iterator[Laid]:
-    """Yield the overlay's files; each @PLACEHOLDER@ is replaced by a value of the description."""
+    """Yield the overlay's files in the card's form; each @PLACEHOLDER@ is replaced by a value of the description."""
     disk = description.disk
     words = {
         "@BOOT@": disk.partuuid("boot"),
@@ -173,7 +173,7 @@ def overlaid(description: Description) -> Iterator[Laid]:
         "@COMPATIBLE@": description.compatible,
     }
     for source in sorted(path for path in OVERLAY.rglob("*") if path.is_file()):
-        text = source.read_text()
+        text = formed(source.read_text(), CARD)
         for word, value in words.items():
             text = text.replace(word, value)
         mode = 0o755 if source.stat().st_mode & 0o100 else 0o644

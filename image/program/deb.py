@@ -8,17 +8,18 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from image import own_files
 from image.errors import ImageError
 from image.tool import run
 
 FILES = Path(__file__).parents[1] / "debian"
+UNIT = "usr/lib/systemd/system/captain.service"  # in the overlay and in the package
 PLACE = "usr/lib/captain"
 DOCUMENTS = "usr/share/doc/captain"
 MAINTAINER = "captain <root@localhost>"  # because the package comes from no archive
 SCRIPTS = ("postinst", "prerm", "postrm")
 # Target paths of the files in image/debian; dpkg keeps those in etc if their owner has changed them.
 PLACES = {
-    "captain.service": "usr/lib/systemd/system/captain.service",
     "captain.toml": "etc/captain/captain.toml",
     "captain.default": "etc/default/captain",
 }
@@ -103,6 +104,7 @@ def _lay_out(program: Path, documents: Mapping[str, bytes], root: Path) -> None:
     (root / "usr/bin/captain").symlink_to("../lib/captain/captain")
     for name, place in PLACES.items():
         _write(root / place, (FILES / name).read_bytes())
+    _write(root / UNIT, own_files.read(UNIT, own_files.PACKAGE).encode())
     for name, octets in documents.items():
         _write(root / DOCUMENTS / name, octets)
 

@@ -6,7 +6,6 @@ import resource
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
 import zmq
@@ -20,6 +19,7 @@ from firmware.endpoint.peers.limits import (
     raise_descriptors,
 )
 from firmware.endpoint.report import memory_kb
+from image import own_files
 from tests.cases.endpoint_bench import CAM, Bench, bench, push
 
 __all__ = ["bench"]  # a fixture
@@ -108,11 +108,9 @@ def test_the_limit_of_descriptors_is_raised_and_leaves_room_for_what_is_no_conne
         assert most_connections() == 128
 
 
-@pytest.mark.parametrize(
-    "unit", ["image/debian/captain.service", "image/overlay/usr/lib/systemd/system/captain.service"]
-)
-def test_a_unit_gives_the_station_as_many_descriptors_as_it_asks_for(unit: str) -> None:
-    assert f"\nLimitNOFILE={DESCRIPTORS}\n" in Path(unit).read_text()
+@pytest.mark.parametrize("form", [own_files.CARD, own_files.PACKAGE])
+def test_a_unit_gives_the_station_as_many_descriptors_as_it_asks_for(form: str) -> None:
+    assert f"\nLimitNOFILE={DESCRIPTORS}\n" in own_files.read("usr/lib/systemd/system/captain.service", form)
 
 
 def test_sockets_of_the_endpoint_have_heartbeats(bench: Bench) -> None:

@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 
 from firmware import systemd
 from firmware.client import arguments, client
+from image import own_files
+from image.own_files import CARD, PACKAGE
 
-PROJECT = Path(__file__).resolve().parents[2]
+UNIT = "usr/lib/systemd/system/captain.service"
 SHOWN = """\
 Restart=always
 NRestarts=0
@@ -27,13 +29,13 @@ SubState=running
 """
 
 
-def shown(name: str, files: Path) -> str:
-    """As `systemctl show` of systemd 257 tells a unit of ours."""
+def shown(form: str, files: Path) -> str:
+    """As `systemctl show` of systemd 257 tells a form of our unit."""
     found = configparser.RawConfigParser(strict=False, delimiters="=")
-    found.read(PROJECT / name)
+    found.read_string(own_files.read(UNIT, form))
     line = found["Service"]["ExecStart"]
     environment = found["Service"]["Environment"].replace("@BOARD@", "quad")
-    if "overlay" in name:  # the last of several lines is the one that is read
+    if form == CARD:  # the last of several lines is the one that is read
         environment = f"CAPTAIN_CONFIG=/etc/captain/captain.toml CAPTAIN_BOARD=quad {environment}"
     return SHOWN.format(path=line.split()[0], line=line, environment=environment, files=files)
 
@@ -42,12 +44,9 @@ def unit(**more: str) -> systemd.Unit:
     return {"LoadState": "loaded", "ActiveState": "active", "SubState": "running", "Result": "success"} | more
 
 
-BOX, PACKAGE = "image/overlay/usr/lib/systemd/system/captain.service", "image/debian/captain.service"
-
-
 def test_a_box_runs_what_its_owner_has_in_force(tmp_path: Path):
     files = tmp_path / "environment"
-    found = systemd.read(shown(BOX, files))
+    found = systemd.read(shown(CARD, files))
     assert found is not None
     before = "--config /etc/captain/captain.toml --board quad --defaults /etc/captain/captain.toml"
     assert systemd.options(found) == before.split()
@@ -57,9 +56,8 @@ def test_a_box_runs_what_its_owner_has_in_force(tmp_path: Path):
 
 
 def test_the_units_of_image_and_package_are_those_that_the_code_knows(tmp_path: Path):
-    text = (PROJECT / BOX).read_text()
-    assert f"EnvironmentFile=-{systemd.IMAGE}" in text
-    assert systemd.IMAGE not in (PROJECT / PACKAGE).read_text()
+    assert f"EnvironmentFile=-{systemd.IMAGE}" in own_files.read(UNIT, CARD)
+    assert systemd.IMAGE not in own_files.read(UNIT, PACKAGE)
 
 
 def test_options_of_a_package_are_as_many_words_as_they_have(tmp_path: Path):

@@ -9,9 +9,9 @@ import pytest
 
 from board.runtime import boot_counters
 from board.runtime.boot_counters import State
-from image.parts import root
+from image import own_files
 
-SCRIPTS = root.OVERLAY / "usr/lib/captain-image"
+SCRIPTS = own_files.OVERLAY / "usr/lib/captain-image"
 WELL = {"EXIT_CODE": "exited", "EXIT_STATUS": "0", "SERVICE_RESULT": "success"}
 FAILED = {"EXIT_CODE": "exited", "EXIT_STATUS": "1", "SERVICE_RESULT": "exit-code"}
 HUNG = {"EXIT_CODE": "killed", "EXIT_STATUS": "TERM", "SERVICE_RESULT": "timeout"}
@@ -191,7 +191,7 @@ def test_an_update_of_a_system_that_was_started_otherwise_is_refused(box: Box):
 
 
 def test_the_service_of_updates_takes_requests_of_root_and_operator_alone():
-    tree = ET.parse(root.OVERLAY / "etc/dbus-1/system.d/captain-rauc.conf").getroot()
+    tree = ET.parse(own_files.OVERLAY / "etc/dbus-1/system.d/captain-rauc.conf").getroot()
     rules = {
         policy.get("user") or policy.get("context"): [(rule.tag, rule.get("send_interface")) for rule in policy]
         for policy in tree
@@ -205,13 +205,13 @@ def test_the_service_of_updates_takes_requests_of_root_and_operator_alone():
 
 
 def test_a_restart_is_asked_for_by_operator_and_root_alone():
-    text = (root.OVERLAY / "usr/lib/systemd/system/captain-restart.socket").read_text()
+    text = (own_files.OVERLAY / "usr/lib/systemd/system/captain-restart.socket").read_text()
     assert "SocketUser=root\nSocketGroup=operator\nSocketMode=0660\n" in text
 
 
 def test_the_check_of_a_slot_reads_the_configuration_that_its_station_runs_with():
-    units = root.OVERLAY / "usr/lib/systemd/system"
-    station, check = ((units / f"{name}.service").read_text() for name in ("captain", "captain-good"))
+    units = (f"usr/lib/systemd/system/{name}.service" for name in ("captain", "captain-good"))
+    station, check = (own_files.read(path, own_files.CARD) for path in units)
     for line in (
         "User=captain",
         "EnvironmentFile=-/run/captain-image/environment",

@@ -13,11 +13,12 @@ import pytest
 from firmware.config import captain_toml
 from image.description import read
 from image.filesystem.tree import Tree
+from image.own_files import CARD, OVERLAY
+from image.own_files import read as read_own
 from image.parts import accounts, root
 from pps.chrony import configuration
 
 PROJECT = Path(__file__).resolve().parents[2]
-OVERLAY = root.OVERLAY
 OWN = read(PROJECT / "image/image.toml")
 UNITS = OVERLAY / "usr/lib/systemd/system"
 SCRIPTS = sorted([*(OVERLAY / "usr/lib/captain-image").iterdir(), PROJECT / "image/early/init"])
@@ -29,7 +30,7 @@ GROUP = "root:x:0:\nadm:x:4:\ndialout:x:20:\nsystemd-journal:x:999:\ni2c:x:103:\
 def unit(name: str) -> configparser.RawConfigParser:
     found = configparser.RawConfigParser(strict=False, interpolation=None, delimiters="=")
     found.optionxform = str  # type: ignore[assignment, method-assign]
-    found.read(UNITS / name)
+    found.read_string(read_own(f"usr/lib/systemd/system/{name}", CARD))
     return found
 
 
@@ -65,7 +66,7 @@ def test_the_station_runs_as_its_own_user_with_two_capabilities_and_is_watched()
     assert float(service["WatchdogSec"]) == 10
     assert service["ReadWritePaths"] == "/var/lib/captain /sys/devices"
     # libzmq dies of a refusal by signal; and of groups that are too wide.
-    filters = re.findall(r"(?m)^SystemCallFilter=(.*)$", (UNITS / "captain.service").read_text())
+    filters = re.findall(r"(?m)^SystemCallFilter=(.*)$", read_own("usr/lib/systemd/system/captain.service", CARD))
     assert filters == ["@system-service", "~@privileged", "adjtimex clock_adjtime"]
     groups = {group.name for group in accounts.GROUPS} | {"dialout"}
     assert set(service["SupplementaryGroups"].split()) <= groups

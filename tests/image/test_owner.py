@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from image.parts import root
+from image.own_files import OVERLAY
 from tests.firmware.card.conftest import KEY, write
 
-OVERLAY = root.OVERLAY
 BLINK = OVERLAY / "usr/lib/captain-image/blink"
 OWNER = (OVERLAY / "usr/lib/captain-image/owner").read_text()
 PROJECT = Path(__file__).resolve().parents[2]

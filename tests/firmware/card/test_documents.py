@@ -8,6 +8,7 @@ from board.runtime import describe
 from board.runtime.toml import parse
 from firmware.card.station.part import STATE
 from firmware.config.tables import RecorderOptions
+from image import own_files
 from tests.documents import blocks
 from tests.firmware.card.conftest import KEY, Look
 
@@ -61,11 +62,11 @@ def test_box_configuration_sample_of_the_recorder_has_its_defaults(look: Look):
 
 def test_socket_of_the_station_is_opened_by_no_other_program_of_the_box():
     # as firmware.card.station.part tells of ipc_in and ipc_out
-    service = (PROJECT / "image/overlay/usr/lib/systemd/system/captain.service").read_text()
+    service = own_files.read("usr/lib/systemd/system/captain.service", own_files.CARD)
     assert "UMask=0027\n" in service
 
 
 def test_place_where_the_station_may_write_is_that_of_its_service():
-    service = (PROJECT / "image/overlay/usr/lib/systemd/system/captain.service").read_text()
+    service = own_files.read("usr/lib/systemd/system/captain.service", own_files.CARD)
     assert f"ReadWritePaths={STATE.rstrip('/')} " in service
     assert f"STATE_DIRECTORY={STATE.rstrip('/')}\n" in service

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from image.card import bundle, keys
 from image.description import Description, read
 from image.filesystem import disk
-from image.parts.root import OVERLAY
+from image.own_files import OVERLAY
 from image.tool import run
 
 PROJECT = Path(__file__).resolve().parents[3]
