@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import time
 from collections import deque
+from collections.abc import Iterator
 from weakref import WeakSet
 
 import zmq
@@ -18,8 +19,11 @@ from captain_client.sockets import (
     CONFIRM,
     HIGH_WATER,
     HIGH_WATER_OF_REPORTS,
+    ask_for_status,
     check_open,
     connect,
+    ends_of,
+    has_ended,
     ms_until,
     offered,
     unreachable,
@@ -52,6 +56,17 @@ class Inlet:
             await _event(self._socket, left_ms)
             self._take()
         return self._arrived.popleft()
+
+    def waiting(self) -> Iterator[list[bytes]]:
+        """Yield the messages that have arrived."""
+        self._take()
+        while self._arrived:
+            yield self._arrived.popleft()
+            self._take()
+
+    def ask_for_status(self) -> None:
+        """Ask the station for a status, which proves the subscriptions."""
+        ask_for_status(self._plain)
 
     def unsubscribe(self, topic: bytes) -> None:
         self._plain.unsubscribe(topic)
@@ -95,9 +110,12 @@ class Link:
         self._context = zmq.asyncio.Context()
         self._reader: asyncio.Task[None] | None = None
         self._inlets = WeakSet[Inlet]()
+        self._proof = 1  # number of the status that proves the subscriptions of _reports
+        self._has_status = asyncio.Event()
         try:
             self._reports = Inlet(self._context, address, CONFIRM, STATUS, most=HIGH_WATER_OF_REPORTS)
             self._push = self._context.socket(zmq.PUSH)
+            self._ends = ends_of(self._push)
             connect(self._push, address.url(address.pull))
             self._plain_push: zmq.Socket[bytes] = zmq.Socket.shadow(self._push)
         except BaseException:
@@ -110,13 +128,9 @@ class Link:
         Raises UnreachableError if no station answers in time.
         """
         deadline = time.monotonic() + self.timeout_s
-        while self._requests.run is None:
-            frames = await self._reports.next(deadline)
-            if frames is None:
-                raise await self.unreachable(self._address.report)
-            self._requests.report(frames, time.monotonic())
-        await self._writable(deadline)
         self._reader = asyncio.create_task(self._read())
+        await self._prove(deadline)
+        await self._writable(deadline)
 
     async def close(self) -> None:
         if self._reader is not None:
@@ -124,7 +138,9 @@ class Link:
             with contextlib.suppress(asyncio.CancelledError):
                 await self._reader
         self._push.close()
+        self._ends.close()
         self._reports.close()
+        self._has_status.set()  # tasks that wait for it find the socket closed
         for inlet in self._inlets:
             inlet.close()
         self._requests.close()
@@ -137,9 +153,11 @@ class Link:
         """
         check_open(self._push)
         deadline = time.monotonic() + self.timeout_s
-        while (request := offered(self._plain_push, self._requests, kind, out)) is None:
+        while True:
             await self._writable(deadline)
-        return request
+            await self._prove(deadline)
+            if (request := offered(self._plain_push, self._requests, kind, out)) is not None:
+                return request
 
     def subscribe(self, topics: tuple[bytes, ...]) -> Inlet:
         """Return a new inlet, subscribed in the background to topics and to a status.
@@ -186,7 +204,27 @@ class Link:
             await _event(self._push, left_ms, zmq.POLLOUT)
             check_open(self._push)
 
+    async def _prove(self, deadline: float) -> None:
+        """Wait for a status at the begin and after an interruption: it proves the subscription to confirms.
+
+        Raises UnreachableError at the deadline, and StationError if the link is closed.
+        """
+        if has_ended(self._ends):
+            for frames in self._reports.waiting():
+                self._requests.report(frames)
+            self._proof = self._requests.statuses + 1
+            self._reports.ask_for_status()
+        while self._requests.statuses < self._proof:
+            self._has_status.clear()
+            try:
+                await asyncio.wait_for(self._has_status.wait(), deadline - time.monotonic())
+            except asyncio.TimeoutError as error:
+                raise await self.unreachable(self._address.report) from error
+            check_open(self._push)
+
     async def _read(self) -> None:
         """Give confirms and statuses to the open requests, until the task is cancelled."""
         while (frames := await self._reports.next(None)) is not None:
-            self._requests.report(frames, time.monotonic())
+            self._requests.report(frames)
+            if frames[0] == STATUS:
+                self._has_status.set()

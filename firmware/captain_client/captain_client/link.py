@@ -13,8 +13,11 @@ from captain_client.sockets import (
     AT_ONCE,
     CONFIRM,
     HIGH_WATER_OF_REPORTS,
+    ask_for_status,
     check_open,
     connect,
+    ends_of,
+    has_ended,
     ms_until,
     offered,
     unreachable,
@@ -35,14 +38,17 @@ class Link:
         self._address = address
         self._timeout_s = timeout_s
         self._requests = Requests()
-        self._empty_s = time.monotonic()  # time at which no report waited: those that are read later arrived after it
+        self._proof = 1  # number of the status that proves the subscriptions of _reports
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         try:
             self._reports = self._context.socket(zmq.SUB)
             connect(self._reports, address.url(address.report), CONFIRM, STATUS, most=HIGH_WATER_OF_REPORTS)
             self._push = self._context.socket(zmq.PUSH)
+            self._ends = ends_of(self._push)
             connect(self._push, address.url(address.pull))
-            self._join()
+            deadline = time.monotonic() + timeout_s
+            self._join(deadline)
+            self._writable(deadline)
         except BaseException:
             self.close()
             raise
@@ -59,10 +65,11 @@ class Link:
         check_open(self._push)
         deadline = time.monotonic() + self._timeout_s
         self._take_reports()
-        while (request := offered(self._push, self._requests, kind, out)) is None:
-            if not self._push.poll(ms_until(deadline), zmq.POLLOUT):
-                raise self.unreachable(self._address.pull)
-        return request
+        while True:
+            self._writable(deadline)
+            self._join(deadline)
+            if (request := offered(self._push, self._requests, kind, out)) is not None:
+                return request
 
     def wait_for(self, request: Request, timeout_s: float) -> None:
         """Read confirms until a request is over, at most timeout_s seconds."""
@@ -71,9 +78,7 @@ class Link:
             self._take_reports()
             if request.is_over or not (left_ms := ms_until(deadline)):
                 return
-            if not self._reports.poll(0):
-                self._reports.poll(left_ms)
-                self._empty_s = time.monotonic()  # poll() returns when a report arrives
+            self._reports.poll(left_ms)
 
     def subscribe(self, topics: tuple[bytes, ...]) -> "zmq.Socket[bytes]":
         """Return a new socket, subscribed in the background to topics and to a status.
@@ -122,14 +127,25 @@ class Link:
             return unreachable(self._address, port, getattr(error, "strerror", None) or str(error))
         return unreachable(self._address, port, "")
 
-    def _join(self) -> None:
-        deadline = time.monotonic() + self._timeout_s
-        while self._requests.run is None:
+    def _writable(self, deadline: float) -> None:
+        """Wait for the connection to the PULL port. Raises UnreachableError at the deadline."""
+        if not self._push.poll(ms_until(deadline), zmq.POLLOUT):
+            raise self.unreachable(self._address.pull)
+
+    def _join(self, deadline: float) -> None:
+        """Wait for a status at the begin and after an interruption: it proves the subscription to confirms.
+
+        Raises UnreachableError at the deadline.
+        """
+        if has_ended(self._ends):
+            while self._reports.poll(0):
+                self._take_reports()
+            self._proof = self._requests.statuses + 1
+            ask_for_status(self._reports)
+        while self._requests.statuses < self._proof:
             if not self._reports.poll(ms_until(deadline)):
                 raise self.unreachable(self._address.report)
             self._take_reports()
-        if not self._push.poll(ms_until(deadline), zmq.POLLOUT):
-            raise self.unreachable(self._address.pull)
 
     def _take_reports(self) -> None:
         """Give the confirms and statuses that have arrived to the open requests."""
@@ -137,6 +153,5 @@ class Link:
             try:
                 frames = self._reports.recv_multipart(zmq.NOBLOCK)
             except zmq.Again:
-                self._empty_s = time.monotonic()
                 return
-            self._requests.report(frames, self._empty_s)
+            self._requests.report(frames)

@@ -96,18 +96,16 @@ class Request:
     """One request and the confirms that came for it.
 
     label    label in its confirms.
-    sent_s   time at which it was sent, in seconds of the client's clock.
     run      last known run of the station at that time; None before the first status.
     is_over  the outcome is known, or cannot become known.
     on_over  called once when it is over.
     """
 
-    __slots__ = ("_confirms", "_ended", "_expected", "is_over", "kind", "label", "on_over", "run", "sent_s")
+    __slots__ = ("_confirms", "_ended", "_expected", "is_over", "kind", "label", "on_over", "run")
 
-    def __init__(self, label: str, kind: str, sent_s: float, run: str | None) -> None:
+    def __init__(self, label: str, kind: str, run: str | None) -> None:
         self.label = label
         self.kind = kind or "message"
-        self.sent_s = sent_s
         self.run = run
         self.is_over = False
         self.on_over: Callable[[], object] = bool  # does nothing
@@ -171,11 +169,13 @@ def _list(confirm: Mapping[str, Any], key: str) -> list[Any]:
 class Requests:
     """Open requests by label. The oldest one ends as unconfirmed when more than `most` are open.
 
-    run  identifier of the station's run; None before the first status.
+    run       identifier of the station's run; None before the first status.
+    statuses  number of received statuses.
     """
 
     def __init__(self, most: int = MOST_OPEN) -> None:
         self.run: str | None = None
+        self.statuses = 0
         self._open: dict[str, Request] = {}
         self._most = most
         self._token = os.urandom(4).hex()  # clients of one station must not have equal labels
@@ -184,8 +184,8 @@ class Requests:
     def __len__(self) -> int:
         return len(self._open)
 
-    def open(self, kind: str, out: Outgoing, now: float) -> tuple[Request, list[bytes]]:
-        """Return a new open request, sent at `now` in seconds of the client's clock, and its frames.
+    def open(self, kind: str, out: Outgoing) -> tuple[Request, list[bytes]]:
+        """Return a new open request and its frames.
 
         Raises ValueError if its label is invalid, if a request with this label is open, or if JSON does not have an
         option.
@@ -199,7 +199,7 @@ class Requests:
         options = _octets({**out.options, "label": label})
         if len(self._open) >= self._most:
             self._open.pop(next(iter(self._open))).end(f"more than {self._most} requests are open")
-        request = self._open[label] = Request(label, kind, now, self.run)
+        request = self._open[label] = Request(label, kind, self.run)
         return request, [out.envelope, out.body, options]
 
     def forget(self, request: Request) -> None:
@@ -210,28 +210,20 @@ class Requests:
         """End all requests."""
         self._end(list(self._open.values()), "the client was closed")
 
-    def report(self, frames: list[bytes], arrived_s: float) -> None:
-        """Take a confirm or a status that arrived at a time of the client's clock in seconds, or later."""
+    def report(self, frames: list[bytes]) -> None:
+        """Take a confirm or a status. A status of a new run ends the requests of the former one."""
         told = object_of(frames)
         if told is None:
             return
         if frames[0] == STATUS:
-            self._status(told, arrived_s)
+            self.run = str(told.get("run", ""))
+            self.statuses += 1
+            former = [one for one in self._open.values() if one.run not in (None, self.run)]
+            self._end(former, "the station was restarted")
         elif (request := self._open.get(str(told.get("label")))) is not None:
             request.feed(told)
             if request.is_over:
                 del self._open[request.label]
-
-    def _status(self, status: Mapping[str, Any], arrived_s: float) -> None:
-        """End the requests of a former run.
-
-        A request that was sent after the start of the new run stays open, because its confirms may still come. The
-        program may read a status late. So arrived_s is its earliest time, and a later status ends the other requests.
-        """
-        self.run, uptime_s = str(status.get("run", "")), status.get("uptime_s")
-        started_s = arrived_s - uptime_s if isinstance(uptime_s, int | float) else arrived_s
-        former = [one for one in self._open.values() if one.run not in (None, self.run) and one.sent_s < started_s]
-        self._end(former, "the station was restarted")
 
     def _end(self, requests: list[Request], why: str) -> None:
         for one in requests:

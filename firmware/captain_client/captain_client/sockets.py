@@ -8,7 +8,7 @@ import zmq
 
 from captain_client.address import Address
 from captain_client.errors import StationError, UnreachableError
-from captain_client.requests import Outgoing, Request, Requests, check_type
+from captain_client.requests import STATUS, Outgoing, Request, Requests, check_type
 
 ANSWER_S = 3.0  # timeout of the station: three statuses of one second each are missing
 CONFIRM_S = 15.0  # timeout of confirms: a message in JSON may wait 10 s for the station's encoder
@@ -20,6 +20,7 @@ MOST_OCTETS = 1 << 20  # longest frame; a status of a hundred interfaces has 100
 # ZMTP heartbeats detect a station that has lost its power or network: TCP does not notice.
 HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 1_000, 3_000
 CONFIRM = b"confirm."
+ENDS = "inproc://ends"  # events of libzmq: ends of the connections of the PUSH socket
 AT_ONCE = 256  # messages that are read before the program goes on
 
 
@@ -47,6 +48,29 @@ def connect(end: "zmq.Socket[Any]", url: str, *topics: bytes, most: int = HIGH_W
         raise ValueError(f"{url}: invalid host or port: {error}") from error
 
 
+def ends_of(push: "zmq.Socket[Any]") -> "zmq.Socket[bytes]":
+    """Return a socket that gets an event whenever a connection of a PUSH socket ends."""
+    push.monitor(ENDS, zmq.EVENT_DISCONNECTED)
+    ends: zmq.Socket[bytes] = push.context.socket(zmq.PAIR, socket_class=zmq.Socket)
+    ends.connect(ENDS)
+    return ends
+
+
+def has_ended(ends: "zmq.Socket[bytes]") -> bool:
+    """Return True if a connection has ended since the last call."""
+    found = False
+    while ends.poll(0):
+        ends.recv_multipart()
+        found = True
+    return found
+
+
+def ask_for_status(reports: "zmq.Socket[bytes]") -> None:
+    """Subscribe to statuses again: the station answers with one, after it has all earlier subscriptions."""
+    reports.unsubscribe(STATUS)
+    reports.subscribe(STATUS)
+
+
 def check_open(end: "zmq.Socket[Any]") -> None:
     """Raise StationError if a socket is closed."""
     if end.closed:
@@ -55,7 +79,7 @@ def check_open(end: "zmq.Socket[Any]") -> None:
 
 def offered(push: "zmq.Socket[bytes]", requests: Requests, kind: str, out: Outgoing) -> Request | None:
     """Send a request if libzmq takes it at once, and return it; None if the connection has ended."""
-    request, frames = requests.open(kind, out, time.monotonic())
+    request, frames = requests.open(kind, out)
     try:
         push.send_multipart(frames, zmq.NOBLOCK)
     except zmq.Again:

@@ -2,7 +2,6 @@
 
 import asyncio
 import gc
-import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
@@ -10,12 +9,14 @@ from typing import Any, TypeVar
 
 import pytest
 
-from captain_client import Station, StationError, UnconfirmedError, aio
+from captain_client import Station, StationError, UnconfirmedError, UnreachableError, aio
 from tests.firmware.captain_client.cpp.double import Double
 from tests.firmware.captain_client.test_reception import PDU, TOLD
 from tests.system.station import PATIENCE
 
 T = TypeVar("T")
+
+SETTLED_MS = 500  # libzmq connects again after at most 200 ms
 
 
 def answered(call: Callable[[], T], answer: Callable[[], object]) -> T:
@@ -58,9 +59,10 @@ def confirm_as_sent(double: Double, label: str) -> None:
     double.confirm(label, "sent", interface="g5")
 
 
-def confirm_after_subscription(double: Double, label: str) -> None:
-    double.wait_for_subscription("status.")
-    confirm_as_sent(double, label)
+def welcome_late(double: Double) -> None:
+    """Answer the connection of a client after a pause, in which it must not send."""
+    assert double.takes_nothing(SETTLED_MS)
+    double.welcome()
 
 
 def publish_cam_after_subscription(double: Double, sequence: int) -> None:
@@ -71,21 +73,53 @@ def publish_cam_after_subscription(double: Double, sequence: int) -> None:
 # -- restarts
 
 
-def test_request_to_the_new_run_whose_status_is_read_late_is_confirmed(double: Double, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("rounds", [1, 2])
+def test_first_message_after_a_restart_waits_for_a_status_and_is_confirmed(double: Double, rounds: int):
     with connected(double) as box:
-        first = box.send("cam", PDU)
-        restart(double)
-        answered(first.confirmed, lambda: confirm_after_subscription(double, first.label))
-        sent = box.send("cam", PDU)
-        double.take()
-        double.publish_status(0.1)
+        for _ in range(rounds):
+            restart(double)
+            sent = answered(lambda: box.send("cam", PDU), lambda: welcome_late(double))
+            confirm_as_sent(double, sent.label)
+            assert sent.confirmed().sent == ("g5",)
+
+
+def test_asyncio_first_messages_after_a_restart_wait_for_a_status_and_are_confirmed(double: Double):
+    async def send(box: aio.Station) -> tuple[str, ...]:
+        sent = await box.send("cam", PDU)
         confirm_as_sent(double, sent.label)
-        assert box._link._reports.poll(round(PATIENCE * 1000))  # the status has arrived, and is not read yet
-        monotonic = time.monotonic
-        with monkeypatch.context() as later:
-            later.setattr(time, "monotonic", lambda: monotonic() + 3.0)  # the program does something else for 3 s
-            confirmed = sent.confirmed()
-    assert confirmed.sent == ("g5",)
+        return (await sent.confirmed()).sent
+
+    async def use() -> list[Any]:
+        async with connected_soon(double) as box:
+            restart(double)
+            return await asyncio.gather(send(box), send(box), asyncio.to_thread(welcome_late, double))
+
+    assert asyncio.run(use()) == [("g5",), ("g5",), None]
+
+
+def test_message_after_a_restart_without_a_status_raises_unreachable_until_one_comes(double: Double):
+    with welcomed(double, lambda: Station(double.address, timeout_s=SETTLED_MS / 1000)) as box:
+        restart(double)
+        for _ in range(2):
+            with pytest.raises(UnreachableError):
+                box.send("cam", PDU)
+        assert double.takes_nothing(0)
+        double.publish_status()
+        assert box.send("cam", PDU).label
+
+
+def test_asyncio_message_that_waits_for_a_status_when_the_client_is_closed_gets_a_station_error(double: Double):
+    async def use() -> Any:
+        async with connected_soon(double) as box:
+            restart(double)
+            sending = asyncio.ensure_future(box.send("cam", PDU))
+            await asyncio.sleep(SETTLED_MS / 1000)
+        (error,) = await asyncio.wait_for(asyncio.gather(sending, return_exceptions=True), PATIENCE)
+        return error
+
+    error = asyncio.run(use())
+    assert isinstance(error, StationError)
+    assert not isinstance(error, UnreachableError)
 
 
 def test_restart_before_the_first_message_counts_the_messages_of_the_new_run(double: Double):

@@ -14,19 +14,19 @@ PDU = bytes.fromhex("0202000000070102")
 INVALID = [{"path": "cam.x", "problem": "missing: 0 to 255", "value": None}]
 
 
-def opened(requests: Requests, now: float = 0.0, **options: Any) -> Request:
-    return requests.open("cam", outgoing("cam", PDU, "", "", options, {}), now)[0]
+def opened(requests: Requests, **options: Any) -> Request:
+    return requests.open("cam", outgoing("cam", PDU, "", "", options, {}))[0]
 
 
 def feed(requests: Requests, request: Request, outcome: str, **more: Any) -> bool:
     """Give the confirm of a request to the requests, as the station publishes it. Return whether it is over."""
     told = {"label": request.label, "type": "cam", "digest": "8bf6d42855cc559f", "outcome": outcome, **more}
-    requests.report([b"confirm.cam.", json.dumps(told).encode()], 0.0)
+    requests.report([b"confirm.cam.", json.dumps(told).encode()])
     return request.is_over
 
 
-def status(requests: Requests, run: str, uptime_s: float, arrived_s: float) -> None:
-    requests.report([b"status.", json.dumps({"run": run, "uptime_s": uptime_s}).encode()], arrived_s)
+def status(requests: Requests, run: str) -> None:
+    requests.report([b"status.", json.dumps({"run": run}).encode()])
 
 
 # -- frames
@@ -44,7 +44,7 @@ def status(requests: Requests, run: str, uptime_s: float, arrived_s: float) -> N
     ],
 )
 def test_request_becomes_envelope_body_and_options_with_a_label(arguments: Any, body: Any, options: Any):
-    request, (envelope, sent, told) = Requests().open("cam", outgoing("cam", *arguments), 0.0)
+    request, (envelope, sent, told) = Requests().open("cam", outgoing("cam", *arguments))
     assert envelope == b"v2x.cam."
     assert (sent if isinstance(body, bytes) else json.loads(sent)) == body
     assert json.loads(told) == {**options, "label": request.label}
@@ -175,7 +175,7 @@ def test_request_without_all_confirms_raises_unconfirmed_and_names_the_missing_o
 def test_malformed_confirm_and_one_of_another_user_end_no_request(frames: list[bytes]):
     requests = Requests()
     opened(requests)
-    requests.report(frames, 0.0)
+    requests.report(frames)
     assert len(requests) == 1
 
 
@@ -201,7 +201,7 @@ def test_confirms_of_random_values_give_an_outcome_or_an_expected_error(confirms
     requests = Requests()
     request = opened(requests)
     for confirm in confirms:
-        requests.report([b"confirm.cam.", json.dumps({**confirm, "label": request.label}).encode()], 0.0)
+        requests.report([b"confirm.cam.", json.dumps({**confirm, "label": request.label}).encode()])
     try:
         assert request.outcome().sent
     except (RefusedError, UnconfirmedError) as error:
@@ -227,37 +227,26 @@ def test_close_ends_all_requests():
 
 def test_new_run_ends_the_requests_of_the_former_run_at_once():
     requests = Requests()
-    status(requests, "first", 60.0, arrived_s=100.0)
-    former, later = opened(requests, now=100.5), opened(requests, now=103.5)
-    status(requests, "second", 1.0, arrived_s=104.0)
+    status(requests, "first")
+    former = opened(requests)
+    status(requests, "second")
     with pytest.raises(UnconfirmedError, match="restarted"):
         former.outcome()
-    assert not later.is_over
 
 
 @pytest.mark.parametrize("runs", [["first"], ["first", "first"]])
 def test_status_of_the_same_run_ends_no_request(runs: list[str]):
     requests = Requests()
-    request = opened(requests, now=1.0)
+    request = opened(requests)
     for run in runs:
-        status(requests, run, 0.5, arrived_s=2.0)
+        status(requests, run)
     assert not request.is_over
-
-
-def test_second_status_of_the_new_run_ends_requests_that_a_status_read_late_left_open():
-    requests = Requests()
-    status(requests, "first", 60.0, arrived_s=100.0)
-    former = opened(requests, now=100.5)
-    status(requests, "second", 1.0, arrived_s=100.5)  # read at 104.0
-    assert not former.is_over
-    status(requests, "second", 2.0, arrived_s=105.0)
-    assert former.is_over
 
 
 def test_request_that_was_sent_after_the_status_of_the_new_run_stays_open():
     requests = Requests()
-    status(requests, "first", 60.0, arrived_s=100.0)
-    status(requests, "second", 1.0, arrived_s=104.0)
-    request = opened(requests, now=104.5)
-    status(requests, "second", 1.0, arrived_s=110.0)  # the clock of the station stood still
+    status(requests, "first")
+    status(requests, "second")
+    request = opened(requests)
+    status(requests, "second")
     assert not request.is_over
