@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+from captain_client.arguments import check_text
+
 HIGHEST = 0xFFFF
 FIRST = 5555
 
@@ -25,6 +27,7 @@ def parse(text: str) -> Address:
 
     A missing host is 127.0.0.1, a missing port 5555. Raises ValueError for an invalid text.
     """
+    check_text("address", text, 'such as "captain-7.local", "captain-7.local:5555" or ":5565"')
     scheme, separator, _ = text.partition("://")
     if separator:
         raise ValueError(f"{text!r}: invalid host and port; write HOST:PORT without {scheme}://")

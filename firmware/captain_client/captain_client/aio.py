@@ -11,12 +11,14 @@ import contextlib
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from os import PathLike
 from types import TracebackType
 from typing import Any, Generic, TypeVar
 
 from captain_client import control
 from captain_client.address import Address, parse
 from captain_client.aio_link import Inlet, Link
+from captain_client.arguments import check_path, check_seconds
 from captain_client.message import Message
 from captain_client.reception import Reception, Tally
 from captain_client.reports import Frame, frame_of, object_of
@@ -33,13 +35,16 @@ class Station:
 
     It reconnects by itself when the station is restarted. Parameters: those of captain_client.Station.
 
-    Raises ValueError for an invalid address. `async with` raises UnreachableError if no station answers within
+    Raises ValueError for an invalid argument. `async with` raises UnreachableError if no station answers within
     timeout_s.
     """
 
-    def __init__(self, address: str | Address = "", *, timeout_s: float = ANSWER_S, control: str = "") -> None:
-        self.address = parse(address) if isinstance(address, str) else address
-        self._control = control
+    def __init__(
+        self, address: str | Address = "", *, timeout_s: float = ANSWER_S, control: str | PathLike[str] = ""
+    ) -> None:
+        self.address = address if isinstance(address, Address) else parse(address)
+        check_seconds("timeout_s", timeout_s)
+        self._control = check_path("control", control)
         self._tally = Tally()
         self._link = Link(self.address, timeout_s)
 
@@ -85,7 +90,7 @@ class Station:
         """Return an asynchronous iterator over received messages.
 
         In `async with`, its subscription has reached the station when the block begins; otherwise with the first
-        message. Both raise UnreachableError if no station answers. Raises ValueError for an invalid type.
+        message. Both raise UnreachableError if no station answers. Raises ValueError for an invalid argument.
 
         types      message types, such as `cam`; default: all.
         timeout_s  end the iteration if no message arrives for this time in seconds; default: wait without limit.
@@ -96,19 +101,19 @@ class Station:
     def indications(self, *types: str, timeout_s: float | None = None) -> "Subscription[dict[str, Any]]":
         """Return an iterator over indications: as captain_client.Station.indications().
 
-        Raises ValueError for an invalid type.
+        Raises ValueError for an invalid argument.
         """
         return self._subscription(topics_of_types("indication", types), object_of, timeout_s)
 
     def confirms(self, *types: str, timeout_s: float | None = None) -> "Subscription[dict[str, Any]]":
         """Return an iterator over confirms: as captain_client.Station.confirms().
 
-        Raises ValueError for an invalid type.
+        Raises ValueError for an invalid argument.
         """
         return self._subscription(topics_of_types("confirm", types), object_of, timeout_s)
 
     def frames(self, *interfaces: str, timeout_s: float | None = None) -> "Subscription[Frame]":
-        """Return an iterator over frames that come and leave."""
+        """Return an iterator over frames that come and leave. Raises ValueError for an invalid argument."""
         return self._subscription(topics_of("frame", interfaces), frame_of, timeout_s)
 
     async def status(self) -> dict[str, Any]:
@@ -146,6 +151,8 @@ class Station:
         timeout_s: float | None,
         begin: Callable[[list[bytes]], object] = bool,
     ) -> "Subscription[T]":
+        if timeout_s is not None:
+            check_seconds("timeout_s", timeout_s)
         return Subscription(self._link, self._link.subscribe(topics), topics, read, timeout_s, begin)
 
     async def _next(self, topic: bytes) -> dict[str, Any]:
@@ -184,8 +191,9 @@ class Sent:
     async def confirmed(self, timeout_s: float = CONFIRM_S) -> Confirmed:
         """Wait for the outcome: as captain_client.Sent.confirmed().
 
-        Raises RefusedError and UnconfirmedError.
+        Raises RefusedError, UnconfirmedError and ValueError.
         """
+        check_seconds("timeout_s", timeout_s)
         if not self._request.is_over:
             with contextlib.suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._over.wait(), timeout_s)

@@ -53,6 +53,10 @@ class Message:
             raise AttributeError(name)
         return getattr(self._decoded.view, name)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the attributes for copies and pickles. A copy decodes again, because views have no copy."""
+        return {name: value for name, value in vars(self).items() if name != "_decoded"}
+
     @property
     def station(self) -> int | None:
         """stationID of the ITS PDU header; None if the PDU is too short."""
@@ -69,8 +73,8 @@ class Message:
 
     @property
     def edition(self) -> str:
-        """Edition that fits best, such as `cam-1.4.1`. Raises StationError if the message cannot be decoded."""
-        return self._decoded.edition.name
+        """Edition that fits best, such as `cam-1.4.1`; empty if the message cannot be decoded."""
+        return "" if self.error else self._decoded.edition.name
 
     @cached_property
     def value(self) -> dict[str, Any]:

@@ -8,8 +8,10 @@ import json
 import os
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any, NamedTuple
 
+from captain_client.arguments import check_mapping, check_text, faults
 from captain_client.errors import RefusedError, UnconfirmedError
 from captain_client.reports import object_of
 
@@ -54,8 +56,13 @@ def outgoing(
     edition  edition of the message; empty: the preferred one of the type.
     fields   values by short name or path, in the plain dialect.
 
-    Raises ValueError if the arguments contradict one another, JSON does not have a value, or the request is too long.
+    Raises ValueError if an argument has a wrong type, the arguments contradict one another, JSON does not have a value,
+    or the request is too long.
     """
+    check_text("kind", kind, 'the message type, such as "cam"')
+    check_text("form", form)
+    check_text("edition", edition)
+    check_mapping("options", options or {})
     envelope = f"v2x.{check_type(kind)}." if kind else "v2x."
     asked = dict(options or {})
     if "form" in asked:
@@ -70,9 +77,11 @@ def outgoing(
         if form and form not in FORMS:
             raise ValueError(f"form: {form!r}: unknown; {' or '.join(FORMS)}")
         asked["form"] = form or "plain"
+        if value is not None:
+            check_mapping("message", value, " or octets")
         told = {"edition": edition} if edition else {}
-        content = {"fields": dict(fields)} if value is None else {"message": value}
-        body = _octets({**told, **content})
+        name, content = ("fields", fields) if value is None else ("message", value)
+        body = _octets({**told, name: dict(content)}, content)
     if len(body) > MOST_OCTETS:
         raise ValueError(f"{len(body)} octets; at most {MOST_OCTETS}")
     return Outgoing(envelope.encode(), body, asked)
@@ -85,10 +94,17 @@ def check_type(kind: str) -> str:
     return kind
 
 
-def _octets(value: dict[str, Any]) -> bytes:
+def _octets(value: dict[str, Any], content: Mapping[str, Any], path: str = "") -> bytes:
+    """Return an object in JSON. content, path: part of it that the user gives, and the path of this part in errors.
+
+    Raises ValueError if JSON does not have a value.
+    """
     try:
         return json.dumps(value, allow_nan=False).encode()
-    except (TypeError, RecursionError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
+        with suppress(RecursionError):
+            if fault := next(faults(dict(content), path), ""):
+                raise ValueError(fault) from error
         raise ValueError(f"no JSON: {error}") from error
 
 
@@ -196,7 +212,7 @@ class Requests:
             raise ValueError(f"options: label: {label!r}: invalid; a text of one character or more")
         if label in self._open:
             raise ValueError(f"label: {label!r}: a request with this label is open")
-        options = _octets({**out.options, "label": label})
+        options = _octets({**out.options, "label": label}, out.options, "options")
         if len(self._open) >= self._most:
             self._open.pop(next(iter(self._open))).end(f"more than {self._most} requests are open")
         request = self._open[label] = Request(label, kind, self.run)

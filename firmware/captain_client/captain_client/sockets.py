@@ -7,6 +7,7 @@ from typing import Any
 import zmq
 
 from captain_client.address import Address
+from captain_client.arguments import check_texts
 from captain_client.errors import StationError, UnreachableError
 from captain_client.requests import STATUS, Outgoing, Request, Requests, check_type
 
@@ -89,12 +90,17 @@ def offered(push: "zmq.Socket[bytes]", requests: Requests, kind: str, out: Outgo
 
 
 def topics_of(kind: str, names: Sequence[str]) -> tuple[bytes, ...]:
-    """Return the topics of a kind of report, such as `frame`, by name; all of the kind without names."""
+    """Return the topics of a kind of report, such as `frame`, by name; all of the kind without names.
+
+    Raises ValueError if a name is not a text.
+    """
+    check_texts("interfaces", names)
     return tuple(f"{kind}.{name}.".encode() for name in names) or (f"{kind}.".encode(),)
 
 
 def topics_of_types(kind: str, types: Sequence[str]) -> tuple[bytes, ...]:
     """Return the topics of a kind of report by message type. Raises ValueError for an invalid type."""
+    check_texts("types", types)
     return topics_of(kind, [check_type(one) for one in types])
 
 

@@ -8,6 +8,7 @@ with Station() as box:
 
 from collections import deque
 from collections.abc import Callable, Mapping
+from os import PathLike
 from types import TracebackType
 from typing import Any, Generic, TypeVar
 
@@ -15,6 +16,7 @@ import zmq
 
 from captain_client import control
 from captain_client.address import Address, parse
+from captain_client.arguments import check_path, check_seconds
 from captain_client.link import Link
 from captain_client.message import Message
 from captain_client.reception import Reception, Tally
@@ -33,12 +35,15 @@ class Station:
     timeout_s  seconds to wait for the station, here and in send().
     control    path of the control socket, for trigger() and reload_policy(); empty: the default path.
 
-    Raises UnreachableError if no station answers within timeout_s, and ValueError for an invalid address.
+    Raises UnreachableError if no station answers within timeout_s, and ValueError for an invalid argument.
     """
 
-    def __init__(self, address: str | Address = "", *, timeout_s: float = ANSWER_S, control: str = "") -> None:
-        self.address = parse(address) if isinstance(address, str) else address
-        self._control = control
+    def __init__(
+        self, address: str | Address = "", *, timeout_s: float = ANSWER_S, control: str | PathLike[str] = ""
+    ) -> None:
+        self.address = address if isinstance(address, Address) else parse(address)
+        check_seconds("timeout_s", timeout_s)
+        self._control = check_path("control", control)
         self._tally = Tally()
         self._link = Link(self.address, timeout_s)
 
@@ -89,7 +94,7 @@ class Station:
         types      message types, such as `cam`; default: all.
         timeout_s  end the iteration if no message arrives for this time in seconds; default: wait without limit.
 
-        Raises UnreachableError like the constructor, and ValueError for an invalid type.
+        Raises UnreachableError like the constructor, and ValueError for an invalid argument.
         """
         reception = Reception(self._tally)
         return self._subscription(topics_of_types("message", types), reception.read, timeout_s, reception.begin)
@@ -97,19 +102,22 @@ class Station:
     def indications(self, *types: str, timeout_s: float | None = None) -> "Subscription[dict[str, Any]]":
         """Return an iterator over indications: the receptions of each interface, duplicates included.
 
-        Raises UnreachableError like the constructor, and ValueError for an invalid type.
+        Raises UnreachableError like the constructor, and ValueError for an invalid argument.
         """
         return self._subscription(topics_of_types("indication", types), object_of, timeout_s)
 
     def confirms(self, *types: str, timeout_s: float | None = None) -> "Subscription[dict[str, Any]]":
         """Return an iterator over the confirms of all users' requests.
 
-        Raises UnreachableError like the constructor, and ValueError for an invalid type.
+        Raises UnreachableError like the constructor, and ValueError for an invalid argument.
         """
         return self._subscription(topics_of_types("confirm", types), object_of, timeout_s)
 
     def frames(self, *interfaces: str, timeout_s: float | None = None) -> "Subscription[Frame]":
-        """Return an iterator over frames that come and leave. Raises UnreachableError like the constructor."""
+        """Return an iterator over frames that come and leave.
+
+        Raises UnreachableError like the constructor, and ValueError for an invalid argument.
+        """
         return self._subscription(topics_of("frame", interfaces), frame_of, timeout_s)
 
     def status(self) -> dict[str, Any]:
@@ -156,6 +164,8 @@ class Station:
         timeout_s: float | None,
         begin: Callable[[list[bytes]], object] = bool,
     ) -> "Subscription[T]":
+        if timeout_s is not None:
+            check_seconds("timeout_s", timeout_s)
         return Subscription(self._link, self._link.subscribe(topics), topics, read, timeout_s, begin)
 
     def _next(self, topic: bytes) -> dict[str, Any]:
@@ -182,8 +192,9 @@ class Sent:
         timeout_s  seconds; default: 15, because a message of values may wait 10 s for the station's encoder.
 
         Raises RefusedError if the station refused it or no interface sent it, and UnconfirmedError after timeout_s, or
-        if the station was restarted or the client closed meanwhile.
+        if the station was restarted or the client closed meanwhile. Raises ValueError for an invalid timeout_s.
         """
+        check_seconds("timeout_s", timeout_s)
         self._link.wait_for(self._request, timeout_s)
         return self._request.outcome()
 

@@ -2,6 +2,8 @@
 
 import asyncio
 import gc
+import math
+import re
 from collections.abc import AsyncIterator, Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
@@ -162,6 +164,57 @@ def test_asyncio_reader_goes_on_after_a_malformed_confirm(double: Double):
             return (await sent.confirmed()).sent
 
     assert asyncio.run(use()) == ("g5",)
+
+
+# -- arguments
+
+ADDRESSES: list[Any] = [5555, None, ("127.0.0.1", 5555), b":5555"]
+TIMES: list[Any] = ["3", math.nan, math.inf, 1e300]
+
+
+@pytest.mark.parametrize("client", [Station, aio.Station])
+def test_station_with_an_argument_of_a_wrong_type_names_it_with_its_value(client: Any):
+    async def use(*arguments: Any, **options: Any) -> None:
+        client(*arguments, **options)
+
+    for address in ADDRESSES:
+        with pytest.raises(ValueError, match=f"^address: {re.escape(repr(address))} is not"):
+            asyncio.run(use(address))
+    for timeout_s in [*TIMES, None]:
+        with pytest.raises(ValueError, match=f"^timeout_s: {re.escape(repr(timeout_s))} is not"):
+            asyncio.run(use(timeout_s=timeout_s))
+    with pytest.raises(ValueError, match=r"^control: 7 is not"):
+        asyncio.run(use(control=7))
+
+
+def test_reports_with_an_argument_of_a_wrong_type_name_it_with_its_value(double: Double):
+    async def use_soon() -> None:
+        async with connected_soon(double) as box:
+            use(box)
+
+    def use(box: Any) -> None:
+        for listen in (box.listen, box.indications, box.confirms, box.frames):
+            with pytest.raises(ValueError, match=r"^types: \['cam'\] is not a text|^interfaces: \['cam'\] is not"):
+                listen(["cam"])
+            for timeout_s in TIMES:
+                with pytest.raises(ValueError, match=f"^timeout_s: {re.escape(repr(timeout_s))} is not"):
+                    listen("cam", timeout_s=timeout_s)
+
+    with connected(double) as box:
+        use(box)
+    asyncio.run(use_soon())
+
+
+@pytest.mark.parametrize("timeout_s", [*TIMES, None])
+def test_confirmed_with_an_invalid_timeout_names_it(double: Double, timeout_s: Any):
+    async def use() -> None:
+        async with connected_soon(double) as box:
+            await (await box.send("cam", PDU)).confirmed(timeout_s)
+
+    with connected(double) as box, pytest.raises(ValueError, match=f"^timeout_s: {re.escape(repr(timeout_s))} is not"):
+        box.send("cam", PDU).confirmed(timeout_s)
+    with pytest.raises(ValueError, match=f"^timeout_s: {re.escape(repr(timeout_s))} is not"):
+        asyncio.run(use())
 
 
 # -- use after close

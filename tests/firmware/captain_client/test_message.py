@@ -1,7 +1,9 @@
 """Values of a received message: exact, plain, by name and by attribute."""
 
+import copy
+import pickle
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -69,7 +71,8 @@ def test_attribute_with_an_unknown_name_raises_attribute_error():
 def test_message_that_does_not_decode_has_an_error_and_no_values(pdu: bytes):
     bad = message(pdu)
     assert bad.error
-    for read in (lambda: bad.value, lambda: bad.plain, lambda: bad.get("speed"), lambda: bad.edition, lambda: bad.cam):
+    assert bad.edition == ""
+    for read in (lambda: bad.value, lambda: bad.plain, lambda: bad.get("speed"), lambda: bad.cam):
         with pytest.raises(StationError):
             read()
 
@@ -81,6 +84,21 @@ def test_message_without_the_library_has_metadata_and_says_how_to_install_it(wit
         _ = cam.value
     assert "make wheels" in error.value.hint
     assert "not installed" in cam.error
+    assert cam.edition == ""
+
+
+@pytest.mark.parametrize("duplicate", [lambda one: pickle.loads(pickle.dumps(one)), copy.copy, copy.deepcopy])
+@pytest.mark.parametrize("pdu", [CAM, CAM[:20]])
+def test_copy_of_a_message_has_its_metadata_and_values(duplicate: Callable[[Message], Message], pdu: bytes):
+    for is_decoded in (False, True):
+        cam = message(pdu)
+        if is_decoded and not cam.error:
+            _ = cam.value, cam.plain, cam.cam
+        same = duplicate(cam)
+        assert (same.pdu, same.rssi_dbm, same.error, same.edition) == (pdu, -71, cam.error, cam.edition)
+        if not cam.error:
+            assert (same.value, same.get("speed")) == (cam.value, cam.get("speed"))
+            assert same.header.stationID == cam.station
 
 
 def test_edition_of_every_example_is_its_own_or_one_with_the_same_values():

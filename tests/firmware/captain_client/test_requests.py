@@ -1,6 +1,7 @@
 """Requests of a client: frames to the station, confirms, restarts."""
 
 import json
+import math
 from typing import Any
 
 import pytest
@@ -71,8 +72,52 @@ def test_request_without_a_type_leaves_the_type_to_the_station():
 def test_request_with_contradictory_arguments_raises_value_error(
     kind: str, value: Any, form: str, edition: str, fields: dict[str, Any]
 ):
-    with pytest.raises(ValueError, match=r"type|form|fields|JSON|octets"):
+    with pytest.raises(ValueError, match=r"type|form|fields|speed|octets"):
         outgoing(kind, value, form, edition, None, fields)
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"heading": 90.0, "speed": math.nan}, "speed: nan is not a finite number"),
+        ({"speed": -math.inf}, "speed: -inf is not a finite number"),
+        ({"cam.x": [1, {"y": (2, math.nan)}]}, r"cam\.x\[1\]\.y\[1\]: nan is not"),
+        ({"speed": 1 + 2j}, r"speed: \(1\+2j\) is not a number, text, bool, list or dict"),
+        ({"speed": b"13.9"}, "speed: b'13.9' is not"),
+        ({"x": {1: {(2, 3): 4}}}, r"x\.1\.\(2, 3\): the name is not a text"),
+    ],
+)
+def test_value_that_json_does_not_have_is_named_with_its_path(fields: dict[str, Any], said: str):
+    with pytest.raises(ValueError, match=f"^{said}"):
+        outgoing("cam", None, "", "", None, fields)
+    with pytest.raises(ValueError, match=f"^{said}"):
+        outgoing("cam", fields, "", "", None, {})
+    with pytest.raises(ValueError, match=rf"^options\.{said}"):
+        Requests().open("cam", outgoing("cam", PDU, "", "", fields, {}))
+
+
+def test_value_that_contains_itself_raises_value_error():
+    ring: dict[str, Any] = {}
+    ring["cam"] = ring
+    with pytest.raises(ValueError, match="Circular"):
+        outgoing("cam", ring, "", "", None, {})
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((2, PDU, "", "", None), "kind: 2 is not a text"),
+        ((b"cam", PDU, "", "", None), "kind: b'cam' is not a text"),
+        (("cam", "0202", "", "", None), "message: '0202' is not a dict or octets"),
+        (("cam", [1], "", "", None), r"message: \[1\] is not"),
+        (("cam", None, 1, "", None), "form: 1 is not a text"),
+        (("cam", None, "", 1.4, None), "edition: 1.4 is not a text"),
+        (("cam", None, "", "", ["g5"]), r"options: \['g5'\] is not a dict"),
+    ],
+)
+def test_argument_of_a_wrong_type_is_named_with_its_value(arguments: Any, said: str):
+    with pytest.raises(ValueError, match=f"^{said}"):
+        outgoing(*arguments, {})
 
 
 @pytest.mark.parametrize("value", [PDU, {"cam": {}}, None])
@@ -91,9 +136,9 @@ def test_request_with_an_invalid_label_raises_value_error(label: Any):
 
 @pytest.mark.parametrize("value", [b"octets", {1}, {(1, 2): 3}, float("inf")])
 def test_request_with_a_value_that_json_does_not_have_raises_value_error(value: Any):
-    with pytest.raises(ValueError, match="JSON"):
+    with pytest.raises(ValueError, match=r"^speed[.:]"):
         outgoing("cam", None, "", "", None, {"speed": value})
-    with pytest.raises(ValueError, match="JSON"):
+    with pytest.raises(ValueError, match=r"^options\.lifetime_s[.:]"):
         opened(Requests(), lifetime_s=value)
 
 
