@@ -4,6 +4,8 @@ import csv
 import itertools
 import re
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -39,6 +41,8 @@ LONGEST = 30  # lines with text
 METRES_PER_DEGREE = 111_320
 GPX = """<?xml version="1.0"?><gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1"><trk><trkseg>
 <trkpt lat="48.7668" lon="11.4320"><time>2026-05-04T08:00:00.0Z</time></trkpt>
+<trkpt lat="48.7669" lon="11.4320"></trkpt>
+<trkpt lat="48.7669" lon="11.4320"><time>2026-05-04T08:00:00.2Z</time></trkpt>
 <trkpt lat="48.7669" lon="11.4320"><time>2026-05-04T08:00:00.2Z</time></trkpt>
 <trkpt lat="48.7670" lon="11.4320"><time>2026-05-04T08:00:00.4Z</time></trkpt>
 </trkseg></trk></gpx>"""
@@ -63,6 +67,56 @@ def test_guide_shows_every_example_word_for_word() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_example_has_at_most_30_lines(name: str) -> None:
     assert sum(bool(line.strip()) for line in (FOLDER / name).read_text().splitlines()) <= LONGEST
+
+
+def said_at_the_end(name: str, *arguments: object) -> str:
+    """Return what an example says that must end by itself with an error, without a traceback."""
+    command = [sys.executable, FOLDER / name, *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode in {1, 2}
+    assert "Traceback" not in done.stderr
+    return done.stderr.rstrip("\n")
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if f"# {name} [STATION]" not in (FOLDER / name).read_text()])
+def test_example_without_its_arguments_says_its_usage(name: str) -> None:
+    assert said_at_the_end(name).startswith(f"usage: {name}")
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("answer_srem.py", ["x"]),
+        ("lamp.py", ["x"]),
+        ("latency.py", ["x"]),
+        ("losses.py", ["x", ":5555", ":5565"]),
+        ("relay_mqtt.py", ["cam", "x"]),
+        ("time_bound.py", ["x"]),
+    ],
+)
+def test_example_with_a_text_for_a_number_says_which_argument(name: str, arguments: list[str]) -> None:
+    assert re.search(r": error: argument \w+: invalid \w+ value: 'x'$", said_at_the_end(name, *arguments))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (None, "No such file"),
+        ("no XML", "syntax error"),
+        (GPX.replace('lat="48.7669"', ""), "'lat'"),
+        (GPX.replace("48.7669", "north"), "north"),
+        (GPX.replace("2026-05-04", "today "), "today"),
+        (re.sub("<time>.*</time>", "", GPX), "fewer than two track points with a time"),
+        (re.sub("<trkpt.*", "", GPX), "fewer than two track points with a time"),
+    ],
+)
+def test_gpx_file_without_a_track_is_an_error_of_one_line(tmp_path: Path, text: str | None, said: str) -> None:
+    path = tmp_path / "track.gpx"
+    if text is not None:
+        path.write_text(text)
+    (line,) = said_at_the_end("gpx_cams.py", path).splitlines()
+    assert said in line
+    assert path.name in line
 
 
 def test_gpx_track_is_sent_as_cams_every_tenth_of_a_second(bench: ExampleBench, tmp_path: Path) -> None:

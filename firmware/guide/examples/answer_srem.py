@@ -1,14 +1,18 @@
 # answer_srem.py INTERSECTION [STATION]
-import sys
+from argparse import ArgumentParser
 from typing import Any
 
 from captain_client import Station
 
 SIGNAL = "ssm.status[0].sigStatus[0]"
 
-with Station(*sys.argv[2:]) as box:
+parser = ArgumentParser()
+parser.add_argument("intersection", type=int)
+parser.add_argument("station", nargs="?", default="")
+asked = parser.parse_args()
+with Station(asked.station) as box:
     for srem in box.listen("srem"):
-        if srem.error or srem.get("intersection") != int(sys.argv[1]):
+        if srem.error or srem.get("intersection") != asked.intersection:
             continue
         answer: dict[str, Any] = {
             f"{SIGNAL}.inboundOn.lane": srem.get("in_lane") or 0,
@@ -16,5 +20,5 @@ with Station(*sys.argv[2:]) as box:
             f"{SIGNAL}.requester.request": srem.get("request"),
             f"{SIGNAL}.requester.sequenceNumber": srem.get("sequence_number") or 0,
         }
-        sent = box.send("ssem", intersection=int(sys.argv[1]), status="granted", **answer)
+        sent = box.send("ssem", intersection=asked.intersection, status="granted", **answer)
         print(f"station {srem.station}: granted by {', '.join(sent.confirmed().sent)}", flush=True)

@@ -2,27 +2,27 @@
 import math
 import sys
 import time
-from collections.abc import Iterator
 from datetime import datetime
 from itertools import pairwise
 from xml.etree import ElementTree
 
 from captain_client import Station
 
-POINT = "{http://www.topografix.com/GPX/1/1}trkpt"
 PER_SECOND, METRES_PER_DEGREE = 10, 111_320
 
-
-def points(path: str) -> Iterator[tuple[float, float, float]]:
-    for point in ElementTree.parse(path).iter(POINT):
-        when = point.findtext("{*}time", "").replace("Z", "+00:00")
-        yield datetime.fromisoformat(when).timestamp(), float(point.attrib["lat"]), float(point.attrib["lon"])
-
-
-track = list(points(sys.argv[1]))
-with Station(*sys.argv[2:]) as box:
+path, *where = sys.argv[1:] or [""]
+try:
+    found = ElementTree.parse(path).findall(".//{*}trkpt[{*}time]")
+    places = [(float(point.attrib["lat"]), float(point.attrib["lon"])) for point in found]
+    times = [datetime.fromisoformat(point.findtext("{*}time", "").replace("Z", "+00:00")) for point in found]
+except (OSError, SyntaxError, KeyError, ValueError) as error:
+    sys.exit(f"usage: gpx_cams.py FILE [STATION]; {path}: {error}")
+track = sorted({when.timestamp(): place for when, place in zip(times, places, strict=True)}.items())
+if len(track) < 2:
+    sys.exit(f"{path}: fewer than two track points with a time")
+with Station(*where) as box:
     start = time.time() - track[0][0]  # the track begins now
-    for (time0, lat0, lon0), (time1, lat1, lon1) in pairwise(track):
+    for (time0, (lat0, lon0)), (time1, (lat1, lon1)) in pairwise(track):
         north = (lat1 - lat0) * METRES_PER_DEGREE
         east = (lon1 - lon0) * METRES_PER_DEGREE * math.cos(math.radians(lat0))
         speed, heading = math.hypot(north, east) / (time1 - time0), math.degrees(math.atan2(east, north)) % 360

@@ -1,5 +1,5 @@
 # lamp.py SIGNAL_GROUP [STATION]
-import sys
+from argparse import ArgumentParser
 
 from captain_client import Station
 
@@ -10,13 +10,17 @@ def lamp(on: bool) -> None:
     print("lamp on" if on else "lamp off", flush=True)  # on a box: request.set_value(LINE, Value(on)) of gpiod
 
 
+parser = ArgumentParser()
+parser.add_argument("signal_group", type=int)
+parser.add_argument("station", nargs="?", default="")
+asked = parser.parse_args()
 was_red = False
-with Station(*sys.argv[2:]) as box:
+with Station(asked.station) as box:
     for spatem in box.listen("spatem"):
         if spatem.error:
             continue
         for intersection in spatem.plain["spat"]["intersections"]:
             for state in intersection["states"]:
                 is_red = state["state-time-speed"][0]["eventState"] in RED
-                if state["signalGroup"] == int(sys.argv[1]) and is_red != was_red:
+                if state["signalGroup"] == asked.signal_group and is_red != was_red:
                     lamp(was_red := is_red)

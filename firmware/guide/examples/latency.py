@@ -1,14 +1,18 @@
 # latency.py COUNT [STATION]
-import sys
+from argparse import ArgumentParser
 from statistics import mean
 
 from captain_client import Station
 
 MOST = 1000  # messages that wait for their second reception
 
+parser = ArgumentParser()
+parser.add_argument("count", type=int)
+parser.add_argument("station", nargs="?", default="")
+asked = parser.parse_args()
 later_ms: list[float] = []
 waiting: dict[str, dict[str, int]] = {}  # times of reception by digest, then by interface
-with Station(*sys.argv[2:]) as box:
+with Station(asked.station) as box:
     for reception in box.indications("cam"):
         times = waiting.pop(reception["digest"], {}) | {reception["interface"]: reception["received_ns"]}
         if "g5" in times and "v2n" in times:
@@ -17,6 +21,6 @@ with Station(*sys.argv[2:]) as box:
             waiting[reception["digest"]] = times
         else:
             waiting.clear()
-        if len(later_ms) == int(sys.argv[1]):
+        if len(later_ms) == asked.count:
             break
 print(f"v2n is {mean(later_ms):.1f} ms later than g5: mean of {len(later_ms)} messages")

@@ -1,18 +1,23 @@
 # losses.py COUNT SENDER RECEIVER
-import sys
 import time
+from argparse import ArgumentParser
 
 from captain_client import Station
 
 PAUSE, PATIENCE = 0.01, 1.0  # s
 CAR = 900001  # stationID
 
+parser = ArgumentParser()
+parser.add_argument("count", type=int)
+parser.add_argument("sender")
+parser.add_argument("receiver")
+asked = parser.parse_args()
 with (
-    Station(sys.argv[3]) as receiver,
+    Station(asked.receiver) as receiver,
     receiver.listen("cam", timeout_s=PATIENCE) as messages,
-    Station(sys.argv[2]) as sender,
+    Station(asked.sender) as sender,
 ):
-    speeds = {number / 10 for number in range(int(sys.argv[1]))}  # the speed tells the messages apart
+    speeds = {number / 10 for number in range(asked.count)}  # the speed tells the messages apart
     waiting = []
     for speed in sorted(speeds):
         waiting.append(sender.send("cam", station=CAR, latitude=48.7668, longitude=11.432, speed=speed))

@@ -1,11 +1,15 @@
 # time_bound.py LIMIT_MS [STATION]
-import sys
+from argparse import ArgumentParser
 
 from captain_client import Station
 
-limit_ns = float(sys.argv[1]) * 1e6
+parser = ArgumentParser()
+parser.add_argument("limit_ms", type=float)
+parser.add_argument("station", nargs="?", default="")
+asked = parser.parse_args()
+limit_ns = asked.limit_ms * 1e6
 was_good = None
-with Station(*sys.argv[2:]) as box:
+with Station(asked.station) as box:
     while True:
         now = box.time()
         is_good = now["error_ns"] is not None and now["error_ns"] <= limit_ns
