@@ -41,7 +41,8 @@ class Capabilities(NamedTuple):
     technology   usual name of the medium: its-g5, 5g, udp, ethernet, uart, ...
     max_payload  length of the longest PDU that the interface carries, in octets.
     metadata     names of the RxInfo fields that the driver fills.
-    broker       address of the broker that the interface uses; empty without a broker.
+    broker       host and port of the broker that the interface uses; equal for all its addresses on this machine. Empty
+                 without a broker.
     """
 
     can: Can

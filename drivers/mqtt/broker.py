@@ -21,6 +21,15 @@ class Broker(NamedTuple):
         return f"{'mqtts' if self.has_tls else 'mqtt'}://{host}:{self.port}"
 
     @property
+    def place(self) -> str:
+        """Host and port; equal for all names and addresses of this machine, and all forms of an IP address.
+
+        Other names are not resolved: DNS may be unavailable when the station starts.
+        """
+        host = "localhost" if self.is_loopback else _compressed(self.host.rstrip("."))
+        return f"{host}:{self.port}"
+
+    @property
     def is_loopback(self) -> bool:
         """Whether the broker is certainly on this machine: a loopback address, or the name localhost."""
         return is_loopback(self.host) or self.host == "localhost"
@@ -32,6 +41,13 @@ def is_loopback(host: str) -> bool:
         return ip_address(host).is_loopback
     except ValueError:
         return False
+
+
+def _compressed(host: str) -> str:
+    try:
+        return ip_address(host).compressed
+    except ValueError:
+        return host
 
 
 def broker(url: str) -> Broker:

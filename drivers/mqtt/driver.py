@@ -38,7 +38,7 @@ class Mqtt:
         self, options: MqttOptions, shared: Shared, command: Sequence[str] = (), silence_s: float = SILENCE_S
     ) -> None:
         can = Can.RECEIVE | Can.TRANSMIT | Can.ANYWHERE
-        self.capabilities = Capabilities(can, "mqtt", MAX_PDU, METADATA, str(broker(options.url)))
+        self.capabilities = Capabilities(can, "mqtt", MAX_PDU, METADATA, broker(options.url).place)
         self.bearer = options.bearer
         self._options = options
         self._shared = shared

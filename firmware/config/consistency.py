@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from board.runtime.address import Address, address
 from board.runtime.describe import remedy
@@ -13,9 +13,6 @@ from firmware.config.board_file import serial_option
 from firmware.config.tables import MOST_NAME, EndpointOptions
 from firmware.topics import ROWS
 from firmware.untrusted import within
-
-if TYPE_CHECKING:
-    from drivers.mqtt.broker import Broker
 
 # Name of the interface that serves the interface processes of endpoint.ipc_in and ipc_out.
 IPC = "ipc"
@@ -88,13 +85,13 @@ def _slots(interfaces: Interfaces, known: Collection[str]) -> Iterator[str]:
 
 def _clients(interfaces: Interfaces) -> Iterator[str]:
     """Report MQTT client ids that two interfaces use at one broker, which would disconnect the first of them."""
-    clients: dict[str, tuple[Broker, str]] = {}
+    clients: dict[str, tuple[str, str]] = {}
     for name, options in interfaces.items():
         if options.get("driver") == "mqtt":
             from drivers.mqtt.broker import broker
 
             with suppress(ConfigurationError):  # invalid URLs are reported elsewhere
-                where = broker(str(options.get("url")))
+                where = broker(str(options.get("url"))).place
                 clients[name] = where, str(options.get("client_id") or os.uname().nodename)
     for name, first in _second(clients):
         what = f"also that of {first} at the same broker"

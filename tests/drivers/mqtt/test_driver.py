@@ -205,9 +205,17 @@ def test_a_delivery_with_requests_is_a_request_with_its_port_and_no_indication(s
     assert (host.requests, host.pdus) == ([(CAM, 2001), (DENM, None)], [])
 
 
-def test_broker_of_a_url_without_port_is_that_of_the_default_port():
-    driver = Mqtt(MqttOptions(url="mqtts://broker.example"), SHARED)
-    assert driver.capabilities.broker == URL
+@pytest.mark.parametrize(
+    ("place", "urls"),
+    [
+        ("broker.example:8883", ["mqtts://broker.example", "MQTTS://Broker.Example.:8883"]),
+        ("localhost:1883", ["mqtt://localhost", "mqtt://127.0.0.1:1883", "mqtt://[::1]", "mqtt://[0:0:0::1]:1883"]),
+        ("localhost:1884", ["mqtt://localhost:1884"]),
+        ("2001:db8::1:8883", ["mqtts://[2001:db8::1]", "mqtts://[2001:0DB8:0::1]"]),
+    ],
+)
+def test_broker_is_the_same_place_in_all_forms_of_its_url(place: str, urls: list[str]):
+    assert {Mqtt(MqttOptions(url=url), SHARED).capabilities.broker for url in urls} == {place}
 
 
 def test_what_the_process_drops_is_counted_by_its_reason_with_a_sample(start, host):

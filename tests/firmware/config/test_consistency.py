@@ -313,6 +313,7 @@ client_id = "{client}"
         ("mqtts://broker.example", ""),
         ("mqtts://broker.example:8883/", ""),
         ("MQTTS://Broker.Example", os.uname().nodename),
+        ("mqtts://broker.example.", ""),
     ],
 )
 def test_two_clients_of_one_name_at_one_broker_are_a_mistake(folder: Path, url: str, client: str) -> None:
