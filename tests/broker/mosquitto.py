@@ -166,6 +166,10 @@ class Mosquitto:
         """Wait until its log has at least so many lines that hold a pattern; returns them."""
         return self._log.says(pattern, count)
 
+    def has_client(self, name: str, source: str) -> bool:
+        """Wait until its log has a connection of this client from an address; names are parts of client_ids."""
+        return bool(self.says(f"New client connected from {re.escape(source)}:[0-9]+ as .*{re.escape(name)}"))
+
     def _access(self, passwords: Mapping[str, str]) -> str:
         if not passwords:
             return "allow_anonymous true\n"

@@ -18,6 +18,7 @@ from tests.broker.bad import Listener, old_tls, silent
 from tests.broker.fixtures import Brokers, brokers, brokers_shared, certificates
 from tests.broker.mosquitto import Mosquitto
 from tests.drivers.mqtt.station import CAM, DENM, Station, secured, settings, written
+from tests.said import tells
 from tests.virtual import VirtualLoop
 
 __all__ = ["brokers", "brokers_shared", "certificates"]
@@ -198,7 +199,7 @@ def test_rubbish_is_counted_by_name_and_what_follows_is_received(brokers, broker
 
 
 @pytest.mark.parametrize("version", [5, "3.1.1"])
-def test_ten_megabytes_are_counted_and_not_parsed_whatever_the_version(brokers, broker, start, version):
+def test_payload_of_ten_megabytes_is_counted_and_not_parsed(brokers, broker, start, version):
     observer = brokers.client(broker, "o")
     for qos in (0, 1):
         observer.publish("v2x/btp/2001", b"<" + bytes(10_000_000) + b">", qos=qos, retain=True)
@@ -210,7 +211,7 @@ def test_ten_megabytes_are_counted_and_not_parsed_whatever_the_version(brokers, 
             observer.publish("v2x/btp/2001", b"", retain=True)
         assert station.drops[Reason.PAYLOAD] == 1
         assert station.samples[Reason.PAYLOAD].startswith(b"v2x/btp/2001")
-        assert station.whys[Reason.PAYLOAD] == "the packet is longer than 73728 octets"
+        assert "73728 octets" in station.whys[Reason.PAYLOAD]
         assert [is_up for is_up, _ in station.states] == [False, True]
 
 
@@ -267,11 +268,11 @@ def test_a_port_with_tls_is_named(broker, start):
     station.down("mqtts:// in url")
 
 
-def test_a_handshake_that_stalls_is_given_up(certificates, start):
+def test_handshake_that_stalls_is_given_up(certificates, start):
     with Listener(silent) as listener:
         url = f"mqtts://localhost:{listener.port}"
         station = start(secured(url, certificates.authority, certificates.client, connect_s=0.3))
-        assert "no end of the TLS handshake" in station.down("within 0.3 s")
+        station.down("TLS handshake", "0.3 s")
 
 
 def test_an_address_is_checked_against_the_certificate_as_well(broker, certificates, start):
@@ -318,12 +319,14 @@ def test_a_password_that_was_corrected_is_used_at_the_next_try(brokers, start, t
     station.up()
 
 
-def test_a_key_that_others_may_read_is_refused_before_anything_is_connected(certificates, start, tmp_path):
+def test_key_that_others_may_read_is_refused_before_anything_is_connected(certificates, start, tmp_path):
     identity = certificates.client
     key = written(tmp_path / "key", identity.key.read_text(), 0o640)
     station = start(settings("mqtts://localhost:1", certificate=str(identity.certificate), key=key))
     station.until(lambda: station.faults)
-    assert station.faults == [(f"key {key}: others may read it (mode 0640)", f"chmod 600 {key}")]
+    ((what, remedy),) = station.faults
+    assert tells(what, f"key {key}: ", "0640")
+    assert remedy == f"chmod 600 {key}"
     assert station.states == []
 
 

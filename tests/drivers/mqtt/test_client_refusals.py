@@ -12,6 +12,7 @@ from tests.broker.bad import Listener
 from tests.broker.mute import Mute
 from tests.drivers.mqtt.station import CAM, written
 from tests.drivers.mqtt.watched import SUBACK, answering, start, turns
+from tests.said import tells
 
 __all__ = ["start", "turns"]
 
@@ -79,15 +80,14 @@ def test_refused_subscriptions_leave_sending_possible(start):
         assert station.sent[1] == (None, "")
 
 
-def test_a_refused_message_failed_in_the_brokers_words(start):
+def test_message_that_the_broker_refuses_fails_with_its_reason(start):
     with Mute(puback=0x97) as broker:
         station = start(broker.port, profile="raw").up()
         station.send(1)
         station.until(lambda: station.sent)
-        assert station.sent[1] == (
-            Reason.SEND_FAILED,
-            f"mqtt://127.0.0.1:{broker.port}: refuses it: Quota exceeded; this client has exceeded a quota of the broker",
-        )
+        reason, why = station.sent[1]
+        assert reason is Reason.SEND_FAILED
+        assert tells(why, f"mqtt://127.0.0.1:{broker.port}: ", "Quota exceeded")
         assert station.is_up
 
 

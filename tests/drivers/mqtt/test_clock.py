@@ -1,5 +1,8 @@
 """V2N waits until the clock is set: certificates and sent messages depend on it."""
 
+import errno
+import os
+
 import pytest
 
 import drivers.mqtt.uplink
@@ -68,13 +71,15 @@ def test_one_that_is_stopped_while_it_waits_starts_nothing_later(driver, loop, c
     assert FakeWorker.made == []
 
 
-def test_a_process_that_cannot_be_started_then_is_a_failure_like_any_other(driver, host, loop, clock, monkeypatch):
+def test_process_that_cannot_be_started_once_the_clock_is_set_fails_the_interface(
+    driver, host, loop, clock, monkeypatch
+):
     monkeypatch.setattr(FakeWorker, "starts", False)
     clock.is_set = True
     loop.run_for(CLOCK_S)
     (failure,) = host.failures
     assert isinstance(failure, InterfaceError)
-    assert "Too many open files" in failure.message
+    assert os.strerror(errno.EMFILE) in failure.message
 
 
 def test_its_bearer_may_come_and_go_meanwhile(driver, host, loop, clock):

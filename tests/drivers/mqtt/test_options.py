@@ -1,5 +1,6 @@
 """Options of an mqtt interface, and files that they name: each mistake has a remedy."""
 
+import errno
 import os
 from pathlib import Path
 
@@ -80,12 +81,12 @@ def _fake(monkeypatch):
         ({"keepalive_s": 20}, "keepalive_s: is not a known key", "did you mean keep_alive_s?"),
     ],
 )
-def test_a_wrong_option_is_named_with_what_to_do(options, what, remedy):
+def test_option_with_a_mistake_is_refused_by_its_key_with_a_remedy(options, what, remedy):
     with pytest.raises(ConfigurationError) as caught:
         read(MqttOptions, {"url": URL, **options}, "captain.toml: interfaces.v2n")
+    assert caught.value.message.startswith("captain.toml: interfaces.v2n")
     assert what in caught.value.message
     assert remedy in caught.value.message
-    assert "could not be cast" not in caught.value.message
 
 
 @pytest.mark.parametrize(
@@ -103,11 +104,11 @@ def test_options_that_go_together_are_taken(options):
 
 
 @pytest.mark.parametrize("option", ["ca", "profile"])
-def test_a_file_that_is_not_there_fails_the_start_by_its_name(host, tmp_path, option):
+def test_option_that_names_an_absent_file_fails_the_start_by_its_path(host, tmp_path, option):
     path = tmp_path / "absent.toml"
     with pytest.raises(BlockedError) as caught:
         Mqtt(MqttOptions(url=URL, **{option: str(path)}), SHARED).start(host)
-    assert caught.value.message == f"{option} {path}: No such file or directory"
+    assert caught.value.message == f"{option} {path}: {os.strerror(errno.ENOENT)}"
     assert option in caught.value.hint
     assert FakeWorker.made == []
 

@@ -146,11 +146,10 @@ def test_the_standard_of_a_pdu_is_that_of_its_protocol_version_or_of_the_row_of_
     assert [rule.standard_of(version) for version in (1, 2, 3)] == said
 
 
-def test_an_unknown_name_is_told_with_what_there_is():
+def test_profile_of_an_unknown_name_is_refused_with_the_nearest_one():
     with pytest.raises(ConfigurationError, match="unknown profile 'vcaptian'") as error:
         load("vcaptian")
-    assert "did you mean vcaptain?" in error.value.hint
-    assert ".toml" in error.value.hint
+    assert all(word in error.value.hint for word in ("vcaptain?", ".toml"))
 
 
 def test_a_file_that_is_not_there_is_told(tmp_path: Path):

@@ -11,6 +11,7 @@ from drivers.mqtt.client.session import Phase
 from drivers.reason import Reason
 from drivers.wire.v2n.profile import Profile, Publication
 from tests.drivers.mqtt.model import CAM, URL, Bench, Tiles, tiles
+from tests.said import tells
 
 
 def test_a_request_is_sent_when_the_broker_has_acknowledged_it_and_not_before():
@@ -63,14 +64,15 @@ def test_what_a_station_sends_beyond_its_window_is_refused():
     assert bench.outcomes == {4: Reason.QUEUE_FULL, 5: Reason.QUEUE_FULL}
 
 
-def test_a_request_that_cannot_leave_expires_at_its_deadline_and_says_why():
+def test_request_that_cannot_leave_expires_at_its_deadline_with_the_reason():
     bench = Bench()
-    bench.session.failed("no route to it", bench.now)
+    why = "no route to it"
+    bench.session.failed(why, bench.now)
     bench.send(1, lifetime=3.0)
     bench.run(2.9)
     assert bench.outcomes == {}
     bench.run(0.1)
-    assert bench.sent == [(1, Reason.EXPIRED, f"{URL}: no route to it")]
+    assert bench.sent == [(1, Reason.EXPIRED, f"{URL}: {why}")]
     bench.run(60.0, lambda: bench.session.phase is Phase.CONNECTING)
     bench.accept()
     assert bench.client.published == {}
@@ -164,11 +166,13 @@ def test_nothing_is_retained_where_the_broker_cannot():
     assert not bench.client.published[1].retain
 
 
-def test_a_message_that_is_too_long_for_the_broker_fails_and_says_so():
+def test_message_that_is_too_long_for_the_broker_fails_with_its_limit():
     bench = Bench().accept(maximum_packet=100)
     bench.send(1, pdu=CAM + bytes(100))
     bench.send(2)
-    assert bench.sent == [(1, Reason.SEND_FAILED, f"{URL}: takes no packet of more than 100 octets")]
+    ((number, reason, why),) = bench.sent
+    assert (number, reason) == (1, Reason.SEND_FAILED)
+    assert tells(why, f"{URL}: ", "packet", "100 octets")
     assert len(bench.client.published) == 1
 
 

@@ -12,6 +12,7 @@ from drivers.reason import Reason
 from drivers.wire.v2n import talk
 from drivers.wire.v2n.profile import Identity, Profile
 from tests.drivers.mqtt.model import CAM, URL, Bench, Tiles, vcaptain
+from tests.said import tells
 
 # Connecting.
 
@@ -93,21 +94,20 @@ def test_the_same_trouble_is_told_once():
 # The position.
 
 
-NO_POSITION = "no position: nothing is published or subscribed by tile"
-
-
 def by_tile() -> Bench:
     return Bench(profile=Profile(load("orange"), Identity("vm", 1, "u", "p")))
 
 
-def test_its_link_is_down_while_a_profile_by_tile_has_no_position_and_up_as_soon_as_there_is_one():
+def test_link_of_a_profile_by_tile_without_a_position_is_down_until_there_is_one():
     bench = by_tile()
     bench.session.connected(Accepted(), bench.now)
-    assert bench.states[-1] == (False, f"{URL}: {NO_POSITION}")
+    is_up, why = bench.states[-1]
+    assert not is_up
+    assert tells(why, f"{URL}: ", "no position", "published", "subscribed")
     bench.send(1)
     number, reason, detail = bench.sent[0]
     assert (number, reason) == (1, Reason.SEND_FAILED)
-    assert "the position is not known" in detail
+    assert tells(detail, f"{URL}: ", "position")
     bench.move(480_000_000)
     bench.run(0.0)
     assert bench.states[-1] == (True, f"{URL}: connected")
@@ -116,7 +116,7 @@ def test_its_link_is_down_while_a_profile_by_tile_has_no_position_and_up_as_soon
     assert len(bench.client.published) == 1
 
 
-def test_its_link_is_down_when_the_position_is_lost_for_longer_than_a_moment():
+def test_link_of_a_profile_by_tile_is_down_once_the_position_is_lost_for_a_second():
     bench = by_tile()
     bench.move(480_000_000)
     bench.accept()
@@ -128,7 +128,10 @@ def test_its_link_is_down_when_the_position_is_lost_for_longer_than_a_moment():
     assert bench.states[1:] == [(True, f"{URL}: connected")]
     bench.move(480_000_000, is_known=False)
     bench.run(1.0)
-    assert bench.states[-1] == (False, f"{URL}: no position: nothing is published by tile")
+    is_up, why = bench.states[-1]
+    assert not is_up
+    assert tells(why, f"{URL}: ", "no position", "published")
+    assert "subscribed" not in why
     assert bench.client.calls == ["connect"]
 
 
@@ -182,12 +185,14 @@ def test_a_connection_goes_by_the_device_of_its_bearer():
     assert bench.client.devices == ["wwan0", "wwan1", "wwan1"]
 
 
-def test_without_its_bearer_a_connection_is_gone_and_says_so():
+def test_connection_whose_bearer_goes_down_is_dropped_and_reported():
     bench = Bench(bearer="modem")
     bench.bearer(True)
     bench.accept()
     bench.bearer(False)
-    assert (bench.client.calls[-1], bench.states[-1]) == ("drop", (False, f"{URL}: waits for its bearer"))
+    is_up, why = bench.states[-1]
+    assert (bench.client.calls[-1], is_up) == ("drop", False)
+    assert tells(why, f"{URL}: ", "bearer")
     calls = len(bench.client.calls)
     bench.run(300.0)
     assert (len(bench.client.calls), bench.session.phase) == (calls, Phase.BEARER)
@@ -251,18 +256,18 @@ def test_details_are_told_when_they_have_changed():
     }
 
 
-def test_a_message_that_leaves_in_some_forms_of_its_profile_is_counted_with_the_reason():
+def test_message_that_leaves_in_some_forms_of_its_profile_is_counted_with_the_reason():
     profile = Tiles()
     bench = Bench(profile=cast(Profile, profile)).accept()
     bench.run(2.0)
     assert b"in_part" not in bench.all(talk.DETAILS)[-1]
-    profile.missing = "cam: cannot be written as JSON"
+    why = profile.missing = "cam: cannot be written as JSON"
     bench.send(1)
     profile.missing = ""
     bench.send(2)
     bench.run(2.0)
     details = talk.parse_details(bench.all(talk.DETAILS)[-1])
-    assert (details["published_in_part"], details["why_in_part"]) == (1, "cam: cannot be written as JSON")
+    assert (details["published_in_part"], details["why_in_part"]) == (1, why)
     assert len(bench.client.published) == 2
 
 
@@ -301,7 +306,7 @@ def test_closing_tells_what_was_dropped_since_the_last_beat():
     assert bench.drops == {Reason.TOPIC: 1}
 
 
-def test_a_refusal_keeps_its_reason_in_words_on_its_way_to_the_station():
+def test_refusal_of_a_delivery_reaches_the_station_with_its_place():
     bench = vcaptain().accept()
     bench.deliver("elsewhere", CAM)
     bench.deliver("v2x/btp/2001", b"other(2001): <AgIA AAU5>")
@@ -309,7 +314,7 @@ def test_a_refusal_keeps_its_reason_in_words_on_its_way_to_the_station():
     (of_topic, topic), (of_payload, payload) = bench.whys
     assert (of_topic, of_payload) == (Reason.TOPIC, Reason.PAYLOAD)
     assert topic.startswith("unknown topic 'elsewhere'; known: v2x/btp")
-    assert payload.startswith("v2x/btp/2001: text in brackets is not base64")
+    assert tells(payload, "v2x/btp/2001: ", "base64")
 
 
 @pytest.mark.parametrize("why", ["", "latitude: '\u00e4\u20ac' is not a number", "lone \udcff", "x" * 300])
