@@ -14,7 +14,7 @@ def tells(text: str, *parts: str) -> bool:
     return True
 
 
-def only(found: Mapping[str, str], word: str) -> str:
+def of_key(found: Mapping[str, str], word: str) -> str:
     """Return the text of the only key that contains a word. Raises ValueError if none or several do."""
     (text,) = (text for key, text in found.items() if word in key)
     return text

@@ -1,5 +1,7 @@
 """captain doctor: files, certificate dates and reachability of a broker."""
 
+import errno
+import os
 import socket
 import sys
 import time
@@ -13,8 +15,9 @@ from firmware import cli
 from firmware.config.captain_toml import InterfaceConfig
 from firmware.config.tables import QueueOptions
 from firmware.doctor import mqtt, mqtt_reach
-from firmware.doctor.finding import Finding, Level
+from firmware.doctor.finding import Level
 from tests.broker.mute import CONNACK, Mute
+from tests.said import tells
 
 STATION = Shared(bytes.fromhex("02000000000b"), types=("cam", "denm", ""))
 DAY_S = 86_400.0
@@ -49,33 +52,36 @@ def test_good_files_are_told_with_the_day_on_which_they_end(own, certificates):
     assert authority.startswith(f"ca {own['ca']} expires in 1 days: 20")
 
 
-def test_a_certificate_that_ends_soon_is_a_warning_and_one_that_has_ended_a_problem(own):
+def test_certificate_that_ends_soon_is_a_warning_and_one_that_is_not_valid_a_problem(own):
     (soon, told, remedy), *_ = said(v2n(**own))
     assert (soon, remedy) == (Level.WARNING, "renew it")
     assert "expires in 1 days" in told
     (over, told, remedy), *_ = said(v2n(**own), time.time() + 3 * DAY_S)
-    assert (over, remedy) == (Level.PROBLEM, "renew it, or correct this machine's clock")
+    assert over is Level.PROBLEM
+    assert tells(remedy, "renew", "clock")
     assert "has expired: 20" in told
     (early, told, remedy), *_ = said(v2n(**own), time.time() - 365 * DAY_S)
-    assert (early, remedy) == (Level.PROBLEM, "wait for it, or correct this machine's clock")
+    assert early is Level.PROBLEM
+    assert tells(remedy, "wait", "clock")
     assert "is good from 20" in told
 
 
-def test_files_that_are_missing_or_that_others_may_read_are_problems_each_with_its_remedy(own, tmp_path):
+def test_files_that_are_absent_or_that_others_may_read_are_problems_each_with_its_remedy(own, tmp_path):
     key = tmp_path / "own.key"
     key.write_text("x")
     key.chmod(0o644)
     missing = tmp_path / "no.pem"
-    assert said(v2n(**own | {"key": str(key), "ca": str(missing)})) == [
-        (Level.PROBLEM, f"ca {missing}: No such file or directory", "correct option ca, or put the file at this path"),
-        (Level.PROBLEM, f"key {key}: others may read it (mode 0644)", f"chmod 600 {key}"),
-    ]
+    absent, open_to_others = said(v2n(**own | {"key": str(key), "ca": str(missing)}))
+    assert absent[:2] == (Level.PROBLEM, f"ca {missing}: {os.strerror(errno.ENOENT)}")
+    assert "option ca" in absent[2]
+    assert (open_to_others[0], open_to_others[2]) == (Level.PROBLEM, f"chmod 600 {key}")
+    assert tells(open_to_others[1], f"key {key}: ", "0644")
 
 
-def test_a_key_of_another_certificate_is_a_problem(own, certificates):
+def test_key_of_another_certificate_is_a_problem_with_both_paths(own, certificates):
     ((level, told, _),) = said(v2n(**own | {"key": str(certificates.observer.key)}))
     assert level is Level.PROBLEM
-    assert "is not the key of certificate" in told
+    assert tells(told, f"key {certificates.observer.key}: ", f"certificate {own['certificate']}")
 
 
 RECEIVER = InterfaceConfig("gnss", QueueOptions("zed_f9p"), ZedF9p.Options(port="/dev/ttyAMA0"))
@@ -90,12 +96,12 @@ RECEIVER = InterfaceConfig("gnss", QueueOptions("zed_f9p"), ZedF9p.Options(port=
         ("raw", [], False, False),
     ],
 )
-def test_a_profile_by_tile_in_a_station_that_cannot_know_its_position_is_a_warning(profile, others, is_placed, is_told):
+def test_profile_by_tile_in_a_station_that_cannot_know_its_position_is_a_warning(profile, others, is_placed, is_told):
     one = v2n(url="mqtt://localhost", profile=profile)
     found = list(mqtt.position(one, STATION, [one, *others], is_placed))
     assert [finding.level for finding in found] == [Level.WARNING] * is_told
     for finding in found:
-        assert finding.text == "profile orange: no position: nothing is published or subscribed by tile"
+        assert tells(finding.text, "profile orange: ", "no position", "published", "subscribed")
         assert "station.position" in finding.remedy
 
 
@@ -108,11 +114,11 @@ def test_a_profile_that_cannot_be_read_is_a_problem(tmp_path):
     assert list(mqtt.position(v2n(profile=str(profile)), STATION, [], False)) == []
 
 
-def test_a_profile_that_decodes_without_the_message_library_is_a_problem(monkeypatch):
+def test_profile_that_decodes_without_the_message_library_is_a_problem(monkeypatch):
     monkeypatch.setitem(sys.modules, "captain_messages", None)
     ((level, told, remedy),) = said(v2n(url="mqtt://localhost", profile="nap"))
     assert (level, remedy) == (Level.PROBLEM, "`make codec` builds it")
-    assert "the message library cannot be imported" in told
+    assert "message library" in told
 
 
 def test_a_name_that_the_topics_of_the_profile_cannot_hold_is_a_problem(tmp_path):
@@ -126,12 +132,12 @@ def test_a_name_that_the_topics_of_the_profile_cannot_hold_is_a_problem(tmp_path
     assert "prefix is empty" in told
 
 
-def test_a_profile_with_a_type_that_the_station_does_not_have_is_a_problem(tmp_path):
+def test_profile_with_a_type_that_the_station_does_not_have_is_a_problem(tmp_path):
     profile = tmp_path / "mine.toml"
     profile.write_text('name = "mine"\npublish = []\nsubscribe = []\n[types.dnem]\nqos = 0\n')
     ((level, told, remedy),) = said(v2n(url="mqtt://localhost", profile=str(profile)))
     assert (level, told) == (Level.PROBLEM, "types: unknown type: 'dnem'")
-    assert remedy == "did you mean denm?"
+    assert "denm?" in remedy
 
 
 def test_without_files_there_is_nothing_to_say():
@@ -144,30 +150,30 @@ def test_a_broker_that_is_reached_is_well(own, brokers):
     assert (found.level, found.text) == (Level.OK, f"mqtt: {broker.url}: accepts this client, by TLS")
 
 
-def test_a_broker_of_another_authority_is_told_by_name(own, brokers, certificates):
+def test_broker_of_another_authority_is_a_problem_of_option_ca(own, brokers, certificates):
     broker = brokers(server=certificates.strange_server)
     (found,) = mqtt.reach(v2n(url=broker.url, **own), STATION)
     assert found.level is Level.PROBLEM
-    assert "signed by an authority that is not known here" in found.text
-    assert found.remedy == "name that one's certificate in ca"
+    assert tells(found.text, broker.url, "authority", "not known")
+    assert found.remedy.endswith("in ca")
 
 
 @pytest.mark.parametrize("version", ["tlsv1.2", "tlsv1.3"])
-def test_a_broker_that_asks_for_a_certificate_which_is_not_there_is_told(own, brokers, version):
+def test_broker_that_asks_for_a_certificate_that_is_absent_is_a_problem(own, brokers, version):
     broker = brokers(version=version)
     (found,) = mqtt.reach(v2n(url=broker.url, ca=own["ca"]), STATION)
     assert found.level is Level.PROBLEM
-    assert "asks for a certificate of this client" in f"{found.text}; {found.remedy}"
+    assert tells(f"{found.text}; {found.remedy}", broker.url, "asks for", "certificate of this client")
 
 
 @pytest.mark.parametrize("version", ["tlsv1.2", "tlsv1.3"])
-def test_a_broker_that_refuses_the_certificate_is_told(own, brokers, certificates, version):
+def test_broker_that_refuses_an_expired_certificate_is_a_problem(own, brokers, certificates, version):
     broker = brokers(version=version)
     expired = certificates.expired_client
     options = own | {"certificate": str(expired.certificate), "key": str(expired.key)}
     (found,) = mqtt.reach(v2n(url=broker.url, **options), STATION)
     assert found.level is Level.PROBLEM
-    assert "refuses the certificate of this client: it has expired" in found.text
+    assert tells(found.text, broker.url, "refuses", "certificate of this client", "expired")
 
 
 @pytest.mark.parametrize("version", [5, "3.1.1"])
@@ -198,11 +204,12 @@ def test_a_station_that_is_connected_stays_so(brokers):
     assert not [line for line in broker.log if "Client vm" in line]
 
 
-def test_a_broker_that_is_not_there_is_a_warning_with_why(monkeypatch):
+def test_broker_that_is_absent_is_a_warning_and_an_unknown_host_a_problem(monkeypatch):
     with socket.socket() as holder:
         holder.bind(("127.0.0.1", 0))
         (found,) = mqtt.reach(v2n(url=f"mqtt://127.0.0.1:{holder.getsockname()[1]}"), STATION)
-    assert (found.level, found.remedy) == (Level.WARNING, "the station starts, and tries again and again")
+    assert found.level is Level.WARNING
+    assert "tries again" in found.remedy
     assert "refuses the connection" in found.text
 
     def unknown(*_, **__):
@@ -210,12 +217,9 @@ def test_a_broker_that_is_not_there_is_a_warning_with_why(monkeypatch):
 
     monkeypatch.setattr(socket, "getaddrinfo", unknown)
     (found,) = mqtt.reach(v2n(), STATION)
-    assert found == Finding(
-        Level.PROBLEM,
-        "interface v2n",
-        "mqtt: mqtts://broker.example:8883: unknown host name",
-        "correct the host in url",
-    )
+    assert (found.level, found.subject) == (Level.PROBLEM, "interface v2n")
+    assert tells(found.text, "mqtt: mqtts://broker.example:8883: ", "host name")
+    assert found.remedy.endswith("in url")
 
 
 def test_the_doctor_tells_all_of_it(own, brokers, capsys, monkeypatch, tmp_path, standin):
