@@ -13,6 +13,7 @@ from image.program.contents import archives, bytecode
 from image.program.contents.bytecode import OwnModule
 from image.project import PROJECT
 from image.verify import slot
+from tests.said import of_key, tells
 
 NAMES = [bytecode.name(path.relative_to(PROJECT)) for path in bytecode.sources(PROJECT)]
 UNIT = "usr/lib/systemd/system/captain.service"
@@ -68,31 +69,31 @@ def test_a_slot_that_is_whole_has_no_trouble():
     assert troubles({}) == {}
 
 
-def test_a_module_that_was_not_taken_along_is_named():
+def test_program_without_a_module_of_ours_fails_with_its_name():
     less = [name for name in NAMES if name != "firmware.cli"]
-    assert troubles({"usr/lib/captain/captain": program(less)}) == {
-        "captain has all modules of ours": "['firmware.cli'] are missing"
-    }
+    ((name, said),) = troubles({"usr/lib/captain/captain": program(less)}).items()
+    assert "modules" in name
+    assert tells(said, "['firmware.cli']", "missing")
 
 
-def test_a_program_that_a_unit_starts_and_that_is_not_there_is_named():
-    assert troubles({"usr/sbin/chronyd": None}) == {
-        "programs that units start": "captain.service: not found: /sbin/chronyd"
-    }
+def test_unit_whose_program_is_absent_fails_with_both():
+    ((name, said),) = troubles({"usr/sbin/chronyd": None}).items()
+    assert "programs" in name
+    assert tells(said, "captain.service: ", "not found", ": /sbin/chronyd")
 
 
-def test_a_unit_that_is_wanted_and_not_there_is_named():
+def test_unit_that_is_wanted_and_absent_fails_with_its_link():
     link = "etc/systemd/system/y.target.wants/none.service"
-    assert troubles({link: b"->/usr/lib/systemd/system/none.service"}) == {
-        "units that are started": f"{link}: not found: /usr/lib/systemd/system/none.service"
-    }
+    ((name, said),) = troubles({link: b"->/usr/lib/systemd/system/none.service"}).items()
+    assert "units" in name
+    assert tells(said, f"{link}: ", "not found", ": /usr/lib/systemd/system/none.service")
 
 
-def test_a_slot_without_licences_and_one_that_is_too_large_are_told():
-    assert troubles({"usr/share/doc/captain/licences/zmq": None}) == {
-        "licences of what captain carries": "not found: usr/share/doc/captain/licences"
-    }
-    assert troubles({"usr/lib/captain/_internal/x": bytes(37_000_000)})["the size of captain"].endswith("at most 36")
+def test_slot_without_licences_or_with_too_large_a_program_fails():
+    ((name, said),) = troubles({"usr/share/doc/captain/licences/zmq": None}).items()
+    assert "licences" in name
+    assert tells(said, "not found", ": usr/share/doc/captain/licences")
+    assert of_key(troubles({"usr/lib/captain/_internal/x": bytes(37_000_000)}), "size").endswith("at most 36")
 
 
 # -- what the description decides

@@ -11,6 +11,7 @@ from image.project import PROJECT
 from image.verify import words as verify_words
 from image.verify.card import FinishedCard
 from image.verify.words import CHUNK, inside
+from tests.said import of_key
 
 OWN = read(PROJECT / "image/image.toml")
 SECRET, KEY = b"MHcCAQEEIA+8/w==", b"-----BEGIN OPENSSH PRIVATE KEY-----\nb3BlbnNzaC1rZXktdjEAAAAA"
@@ -27,17 +28,19 @@ def told(path: Path, words: dict[int, bytes], monkeypatch: pytest.MonkeyPatch, k
     return {row.check: row.trouble for row in FinishedCard(OWN, path, Path("/none"), SECRET)._unwanted_words(known)}
 
 
-def test_words_of_the_build_and_keys_are_told_with_their_place_wherever_they_lie(
+def test_words_of_the_build_and_keys_fail_with_their_place_wherever_they_lie(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     own = bytes(PROJECT) + b"/x"
     words = {1000: b"http://deb.example/", CHUNK - 3: own, 2 * CHUNK - 40: KEY, 2 * CHUNK + 900: SECRET}
-    assert told(tmp_path / "card", words, monkeypatch) == {
-        "the build's path is nowhere": f"at octet {CHUNK - 3}, in boot",
-        "a mirror's name, deb.example is nowhere": "at octet 1007, in no partition",
-        "a private key is nowhere": f"at octet {2 * CHUNK - 40}, in boot",
-        "the key of updates is nowhere": f"at octet {2 * CHUNK + 900}, in boot",
+    found = told(tmp_path / "card", words, monkeypatch)
+    assert {word: of_key(found, word) for word in ("path", "deb.example", "private key", "key of updates")} == {
+        "path": f"at octet {CHUNK - 3}, in boot",
+        "deb.example": "at octet 1007, in no partition",
+        "private key": f"at octet {2 * CHUNK - 40}, in boot",
+        "key of updates": f"at octet {2 * CHUNK + 900}, in boot",
     }
+    assert len(found) == 4
 
 
 def test_what_only_looks_like_one_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -65,26 +68,27 @@ EC, RSA = (["-algorithm", *words] for words in (["EC", "-pkeyopt", "ec_paramgen_
         (RSA, ["rsa", "-traditional", "-aes256", "-passout", "pass:x"], b"-----BEGIN RSA PRIVATE KEY-----\nProc-Type"),
     ],
 )
-def test_a_private_key_of_every_form_is_told(
+def test_private_key_of_any_form_fails_with_its_place(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, algorithm: list[str], ending: list[str], begin: bytes
 ):
     key = made(algorithm, ending)
     assert key.startswith(begin)
     for form in (key, key.replace(b"\n", b"\r\n")):
         said = told(tmp_path / "card", {CHUNK - 20: form}, monkeypatch)
-        assert said["a private key is nowhere"] == f"at octet {CHUNK - 20}, in boot"
+        assert of_key(said, "private key") == f"at octet {CHUNK - 20}, in boot"
 
 
-def test_keys_that_a_library_tests_itself_with_are_nobodys_and_another_beside_them_is_told(
+def test_keys_of_a_library_that_tests_itself_pass_and_another_beside_them_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     everybodys, own = (made(EC, ["ec"]) for _ in range(2))
     library = b"\0" + everybodys + b"\0test_sig"
     words = {500: everybodys, CHUNK - 20: everybodys}
-    assert told(tmp_path / "card", words, monkeypatch, library)["a private key is nowhere"] == ""
+    assert of_key(told(tmp_path / "card", words, monkeypatch, library), "private key") == ""
     said = told(tmp_path / "card", {**words, CHUNK + 5000: own}, monkeypatch, library)
-    assert said["a private key is nowhere"] == f"at octet {CHUNK + 5000}, in boot"
-    assert told(tmp_path / "card", words, monkeypatch)["a private key is nowhere"] == "at octet 500, in no partition"
+    assert of_key(said, "private key") == f"at octet {CHUNK + 5000}, in boot"
+    said = told(tmp_path / "card", words, monkeypatch)
+    assert of_key(said, "private key") == "at octet 500, in no partition"
 
 
 @pytest.mark.parametrize("octets", [b"/src/image/root.py", b"\0\0/src/", b'file "/src/x.c"', b"=/src/firmware"])
