@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware.codec import foreign
+from tests.said import tells
 
 
 def frame(message_id: int, size: int) -> bytes:
@@ -23,11 +24,9 @@ def frame(message_id: int, size: int) -> bytes:
         (243, "TestMessage03"),
     ],
 )
-def test_a_message_frame_of_any_length_is_named(message_id: int, name: str, size: int):
+def test_message_frame_of_any_length_is_named(message_id: int, name: str, size: int):
     told = foreign.message_frame(frame(message_id, size))
-    assert told == (
-        f"it is a MessageFrame of SAE J2735: messageId {message_id}, {name}; captain decodes messages of ETSI ITS only"
-    )
+    assert tells(told, "MessageFrame", "SAE J2735", f": messageId {message_id}, {name}; ", "ETSI ITS")
 
 
 BSM = "SAE J2735 MessageFrame (messageId 20, BasicSafetyMessage (BSM))"

@@ -4,7 +4,9 @@ from hypothesis import strategies as st
 
 from firmware.codec.identify import Identifier, Identity, Unknown
 from tests.firmware.codec.standin import BARE, DOOR, NEW, OLD, SAME, Message, octets
+from tests.said import tells
 
+EXACT = "it gives the same octets back"  # of an edition whose encoding has the octets that were decoded
 ALL = [OLD, NEW, SAME, DOOR, BARE]
 
 
@@ -20,18 +22,18 @@ def unknown(pdu: bytes, known: list[Message] = ALL, port: int | None = None) -> 
     return found
 
 
-def test_the_header_says_which_message_it_is_and_a_trial_which_edition():
+def test_message_by_its_header_is_of_the_edition_that_a_trial_gives():
     found = identity(octets(NEW, 5, 1))
     assert found.message is NEW
     assert found.why.startswith("messageID 66 and protocolVersion 2 announce it; ")
-    assert found.why.endswith("; it gives the same octets back")
+    assert found.why.endswith(f"; {EXACT}")
 
 
-def test_of_editions_that_give_the_same_octets_back_the_smallest_rank_is_taken_and_all_are_named():
+def test_message_of_several_exact_editions_is_of_the_smallest_rank_and_names_all():
     found = identity(octets(OLD, 7, version=2))
     assert found.message is SAME
     assert found.exact == (SAME, OLD)
-    assert found.why.endswith("it gives the same octets back, as do ball-1.1")
+    assert tells(found.why, EXACT, " ball-1.1")
 
 
 def test_an_edition_of_the_announced_version_comes_before_one_of_smaller_rank():
@@ -51,11 +53,11 @@ def test_octets_that_an_edition_of_another_version_takes_are_not_shown_as_that()
     assert found.nearest.message is OLD
 
 
-def test_a_version_that_no_edition_has_is_decoded_and_doubted():
+def test_message_of_an_unknown_version_is_decoded_and_doubted():
     found = identity(octets(OLD, 7, version=9))
     assert found.message is SAME
-    assert "messageID 66 announces it, but protocolVersion 9 is not that of this edition" in found.why
-    assert found.doubt == "no edition of ball has protocolVersion 9"
+    assert tells(found.why, "messageID 66 ", "but protocolVersion 9 ")
+    assert tells(found.doubt, "no edition", "ball", "protocolVersion 9")
 
 
 OTHER = Message("ball-3.1", ids=(66,), versions=(2,), fields={"size": 200}, rank=5, offset=1)
@@ -73,40 +75,42 @@ def test_an_edition_that_reads_other_values_is_named():
     assert found.doubt == "ball-3.1 also decodes it, to different values"
 
 
-def test_an_edition_that_knows_every_part_comes_before_one_of_smaller_rank_that_does_not():
+def test_edition_that_knows_every_part_comes_before_one_of_smaller_rank_that_does_not():
     partial = Message("ball-0.9", ids=(66,), versions=(2,), fields={"size": 200}, rank=0, offset=1, unknown=1)
     for is_quick in (False, True):
         found = Identifier([partial, SAME]).identify(octets(SAME, 7), is_quick=is_quick)
         assert isinstance(found, Identity)
         assert (found.message, found.doubt) == (SAME, "")
-    assert "ball-0.9 leaves some extensions undecoded" in identity(octets(SAME, 7), [partial, SAME]).why
+    assert tells(identity(octets(SAME, 7), [partial, SAME]).why, "ball-0.9 ", "extensions undecoded")
 
 
-def test_an_edition_that_gives_other_octets_back_comes_after_one_that_gives_the_same():
+def test_edition_that_gives_other_octets_back_comes_after_one_that_gives_the_same():
     lossy = Message("ball-9", ids=(66,), versions=(2,), fields={"size": 200}, rank=0, mask=0x0F)
     found = identity(octets(SAME, 0x33), [lossy, SAME])
     assert found.message is SAME
     assert found.exact == (SAME,)
-    assert "ball-9 gives other octets back" in found.why
+    assert tells(found.why, "ball-9 ", "other octets")
 
 
-def test_octets_that_are_encoded_otherwise_still_decode_and_it_is_said():
+def test_message_that_is_encoded_otherwise_is_decoded_and_reported_as_inexact():
     lossy = Message("ball-9", ids=(66,), versions=(2,), fields={"size": 200}, mask=0x0F)
     found = identity(octets(lossy, 0x33), [lossy])
     assert not found.is_exact
-    assert found.why.endswith("encoding the decoded message again gives other octets")
+    assert found.why.endswith("other octets")
+    assert EXACT not in found.why
 
 
-def test_a_user_who_asks_for_an_edition_gets_it_whatever_the_header_says():
+def test_edition_that_is_asked_for_decides_whatever_the_header_says():
     found = identity(octets(DOOR, 1, number=5), [OLD], is_asked=True)
-    assert (found.message, found.why) == (OLD, "it was asked for; it gives the same octets back")
+    assert found.message is OLD
+    assert tells(found.why, "asked for", f"; {EXACT}")
 
 
-def test_octets_whose_header_is_that_of_another_edition_than_was_asked_for_are_refused():
+def test_message_whose_header_is_of_another_edition_than_asked_for_is_refused():
     found = Identifier([NEW], True, ALL).identify(octets(OLD, 7, version=1))
     assert isinstance(found, Unknown)
-    assert found.why == "header: messageID 66 and protocolVersion 1 are those of ball-1.1, but --edition is ball-2.1"
-    assert found.remedy == "omit --edition, name ball-1.1, or add --force"
+    assert tells(found.why, "header: messageID 66 ", "protocolVersion 1 ", "ball-1.1", "--edition is ball-2.1")
+    assert tells(found.remedy, "ball-1.1", "--force")
 
 
 def test_the_header_selects_among_the_editions_that_were_asked_for():
@@ -135,21 +139,21 @@ def test_the_port_is_only_a_guess_where_the_header_announces_another():
     assert unknown(octets(DOOR, 0x33), [lossy, DOOR], port=3001).nearest.message is DOOR
 
 
-def test_a_port_of_another_type_is_told():
-    assert identity(octets(DOOR, 1, 2, 3), port=3001).why.endswith("; BTP port 3001 is that of ball")
+def test_message_by_the_port_of_another_type_gives_that_type():
+    assert tells(identity(octets(DOOR, 1, 2, 3), port=3001).why, "; BTP port 3001 ", "ball")
     assert "port" not in identity(octets(DOOR, 1, 2, 3), port=3002).why
     assert "port" not in identity(octets(DOOR, 1, 2, 3), port=9).why
 
 
-def test_the_legacy_number_of_vam_is_known():
+def test_vam_of_the_legacy_number_is_identified():
     vam = Message("vam-2", ids=(16,), versions=(2,), fields={"a": 9})
     found = identity(octets(vam, 1, number=102), [vam])
-    assert found.why.startswith("messageID 102 is that of VAM in the profile legacy")
+    assert tells(found.why, "messageID 102 ", "VAM", "legacy")
 
 
-def test_what_nothing_announces_is_called_a_guess():
+def test_message_of_an_unknown_number_is_a_guess():
     found = identity(octets(DOOR, 1, 2, 3, number=99))
-    assert found.why == "a guess: no message has messageID 99; it gives the same octets back"
+    assert tells(found.why, "guess", "messageID 99; ", EXACT)
 
 
 def test_a_message_without_header_is_found_by_trial():
@@ -220,11 +224,11 @@ def test_a_form_that_alone_decodes_is_taken_and_both_are_named():
     assert found.why.endswith("the form box-1-ext (with extension bit) does not decode")
 
 
-def test_two_forms_that_fit_are_both_named_in_the_order_of_their_rank():
+def test_message_of_two_forms_names_both_in_the_order_of_their_rank():
     found = identity(octets(STRICT, 30), [FORM, STRICT])
     assert found.exact == (STRICT, FORM)
-    assert "it gives the same octets back, as do box-1-ext" in found.why
-    assert found.doubt == "box-1-ext also decodes it, to different values"
+    assert tells(found.why, EXACT, " box-1-ext")
+    assert tells(found.doubt, "box-1-ext ", "different values")
 
 
 @pytest.mark.parametrize("is_quick", [False, True])

@@ -10,6 +10,7 @@ from firmware import cli
 from firmware.codec import fields
 from tests.firmware.codec.standin import DOOR, NEW, octets
 from tests.firmware.commands.fake import FakeStation
+from tests.said import tells
 
 GOOD = octets(DOOR, 1, 2, 3)
 BAD = octets(DOOR, 1, 99, 3)
@@ -34,14 +35,14 @@ def test_the_table_says_what_the_last_message_of_each_station_says(standin, caps
     assert "octets" not in said
 
 
-@pytest.mark.parametrize("error", [ValueError("no digits for it"), MemoryError("no digits for it")])
-def test_a_message_that_cannot_be_looked_at_does_not_end_the_table(standin, capsys, monkeypatch, error):
+@pytest.mark.parametrize("error", [ValueError("no digits"), MemoryError("no digits")])
+def test_message_that_cannot_be_looked_at_is_marked_and_the_table_continues(standin, capsys, monkeypatch, error):
     def look(*_: object) -> str:
         raise error
 
     monkeypatch.setitem(fields.LOOKS, "door", (look,))
     assert listened(on_air("door", GOOD), "--count", "1") == 0
-    assert "0.0 s  ! no digits for it" in capsys.readouterr().out
+    assert "0.0 s  ! no digits" in capsys.readouterr().out
 
 
 def test_a_message_that_does_not_decode_is_in_the_table_with_the_reason(standin, capsys):
@@ -121,13 +122,13 @@ def test_all_fields_of_each_message_can_be_shown(standin, capsys):
     assert BAD.hex() in said
 
 
-def test_some_fields_of_each_message_are_a_line(standin, capsys):
+def test_fields_that_are_asked_for_are_a_line_of_each_message(standin, capsys):
     air = on_air("door", GOOD) + on_air("door", BAD) + on_air("ball", octets(NEW, 1, 2))
     assert listened(air, "--fields", "height,body.depth", "--count", "3") == 0
     good, bad, ball = capsys.readouterr().out.splitlines()
     assert good.endswith(" door 1337: height=2 m  body.depth=3 m")
     assert "body.height: bit 56: out of range" in bad
-    assert ball.endswith("ball 1337: it has none of these")
+    assert tells(ball, "ball 1337: ", "none")
 
 
 def test_some_fields_of_each_message_for_a_program(standin, capsys):

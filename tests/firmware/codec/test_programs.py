@@ -8,6 +8,7 @@ import pytest
 from firmware import cli
 from tests.firmware.codec.captures import pcap
 from tests.firmware.codec.standin import DOOR, NEW, OLD, octets
+from tests.said import tells
 
 DOOR_PDU = octets(DOOR, 1, 2, 3)
 BALL_PDU = octets(OLD, 7, version=2)
@@ -44,9 +45,11 @@ def captain(monkeypatch, capsys, standin) -> Captain:
 
 def test_decode_shows_what_it_is_why_and_its_fields(captain):
     assert captain("decode", DOOR_PDU.hex()) == 0
+    why = captain.out.splitlines()[1].strip()
+    assert tells(why, "messageID 67 ", "protocolVersion 2 ", "same octets")
     assert captain.out == (
         "door-1.1: a standard, 9 octets, the argument\n"
-        "  messageID 67 and protocolVersion 2 announce it; it gives the same octets back\n"
+        f"  {why}\n"
         "header\n  protocolVersion: 2\n  messageID: 67\n  stationID: 1337\n"
         "body\n  width: 1\n  height: 2\n  depth: 3\n\n"
     )
@@ -80,12 +83,12 @@ def test_decode_of_a_capture_tells_port_and_time(captain, tmp_path):
     assert captain.err == "captain: without a message: 1 not GeoNetworking\n"
 
 
-def test_a_message_that_does_not_decode_is_told_with_path_bit_and_cause_and_the_next_goes_on(captain):
+def test_message_that_does_not_decode_is_reported_with_path_bit_and_cause_and_the_next_decoded(captain):
     assert captain("decode", given=f"{BROKEN.hex()}\n02zz\n{DOOR_PDU.hex()}\n") == 1
     assert captain.out.startswith("door-1.1: a standard, 9 octets, standard input: line 3\n")
     first, cause, second, _ = captain.err.splitlines()
     assert first == ("captain: standard input: line 1: door-1.1: body.height: bit 56: out of range: 99 is not in 0..9")
-    assert cause.startswith("  (it was damaged on its way")
+    assert tells(cause, "  (", "damaged")
     assert second == "captain: standard input: line 2: character 3, 'z', is not a hexadecimal digit"
 
 
@@ -108,18 +111,17 @@ def test_a_message_that_does_not_decode_is_an_object_as_well(captain):
     assert captain.err == ""
 
 
-def test_the_edition_that_is_asked_for_decides(captain):
+def test_edition_that_is_asked_for_decides(captain):
     assert captain("decode", "--json", "--edition", "ball-1.1", BALL_PDU.hex()) == 0
     assert captain.lines[0]["edition"] == "ball-1.1"
     assert captain("decode", "--edition", "ball-1.1", octets(NEW, 1, 2).hex()) == 1
-    assert "(it is of another edition: it decodes as ball-2.1)" in captain.err
+    assert tells(captain.err, "(", "another edition", "ball-2.1)")
 
 
-def test_an_edition_that_does_not_exist_is_told_once(captain):
+def test_edition_that_is_unknown_is_refused_once_with_the_nearest_one(captain):
     assert captain("decode", "--edition", "bal", DOOR_PDU.hex()) == 1
-    assert captain.err == (
-        "captain: --edition: unknown edition 'bal'\n  (did you mean ball?; `captain decode --list` shows them all)\n"
-    )
+    assert tells(captain.err, "captain: --edition: ", "'bal'", "ball?", "`captain decode --list`")
+    assert captain.err.count("captain: ") == 1
 
 
 def test_the_editions_can_be_listed(captain):
@@ -131,17 +133,18 @@ def test_the_editions_can_be_listed(captain):
 
 
 @pytest.mark.parametrize("verb", ["decode", "encode", "explain"])
-def test_without_the_library_one_line_says_how_to_get_it(monkeypatch, capsys, without_library, verb):
+def test_command_without_the_library_fails_with_make_codec(monkeypatch, capsys, without_library, verb):
     captain = Captain(monkeypatch, capsys)
     assert captain(verb, "0202") == 1
-    assert captain.err.startswith("captain: the message library cannot be imported: ")
-    assert "make codec" in captain.err
+    assert tells(captain.err, "captain: ", "message library", "make codec")
+    assert captain.err.count("captain: ") == 1
 
 
 @pytest.mark.parametrize("verb", ["decode", "encode", "explain", "convert"])
-def test_nothing_to_do_is_a_failure(captain, verb):
+def test_command_without_a_message_fails(captain, verb):
     assert captain(verb) == 1
-    assert captain.err == "captain: standard input: it holds no message\n"
+    assert tells(captain.err, "captain: standard input: ", "no message")
+    assert captain.err.count("\n") == 1
 
 
 def test_text_of_a_file_name_cannot_move_the_cursor(captain):
@@ -258,9 +261,9 @@ def test_decode_of_invalid_hexadecimal_names_the_option_for_the_format(captain):
     assert "--format" in captain.err
 
 
-def test_no_edition_is_converted_into_another(captain):
+def test_object_of_another_edition_than_asked_for_is_refused(captain):
     assert captain("encode", "--edition", "ball", changed(depth=3)) == 1
-    assert "edition: door-1.1 contradicts --edition ball\n  (omit --edition, or edit the object" in captain.err
+    assert tells(captain.err, "edition: door-1.1 ", "--edition ball\n", "omit --edition")
 
 
 def test_encode_writes_other_forms(captain, tmp_path):
@@ -321,11 +324,10 @@ def test_explain_has_a_row_for_each_field(captain):
     assert rows[4].split() == ["56", "8", "00000010", "11.5.7.2", "height", "2", "m"]
 
 
-def test_explain_of_what_does_not_decode_ends_at_the_first_bad_bit(captain):
+def test_explain_of_a_message_that_does_not_decode_ends_at_the_first_bad_bit(captain):
     assert captain("explain", BROKEN.hex()) == 1
-    assert "as far as it decodes: body.height: bit 56: out of range: 99 is not in 0..9" in captain.out
-    assert "door-1.1: body.height: bit 56: out of range" in captain.err
-    assert "(it was damaged on its way" in captain.err
+    assert "body.height: bit 56: out of range: 99 is not in 0..9" in captain.out
+    assert tells(captain.err, "door-1.1: body.height: bit 56: out of range", "\n  (", "damaged")
 
 
 def test_explain_json_has_a_row_a_line(captain):

@@ -1,6 +1,8 @@
 import base64
+import errno
 import io
 import json
+import os
 
 import pytest
 from hypothesis import given
@@ -10,6 +12,7 @@ from board.runtime.errors import RequestError
 from firmware.codec.reading import FORMS, Item, Object, Pdu, Reader, pdu_of
 from tests.firmware.codec.captures import WHEN_NS, pcap, pcapng
 from tests.firmware.recordings.test_layers import FRAMES
+from tests.said import tells
 
 CAM = bytes.fromhex("02020000053900010203")
 FRAME = FRAMES["cam-shb"]
@@ -84,10 +87,10 @@ def test_frames_without_a_message_are_counted_and_broken_ones_are_told():
     assert reader.skipped == {"not GeoNetworking": 2}
 
 
-def test_what_stands_before_the_end_of_a_capture_cut_off_is_read():
+def test_capture_that_is_cut_off_is_read_up_to_its_end():
     pdu, error = read("-", given_octets=pcap([FRAME, FRAME])[:-1])
     assert isinstance(pdu, Pdu)
-    assert "it is cut off in frame 2" in str(error)
+    assert tells(str(error), "cut off", "frame 2")
 
 
 @pytest.mark.parametrize("name", ["cam-shb", "cam-signed-digest"])
@@ -108,14 +111,14 @@ def test_a_line_that_is_wrong_does_not_stop_the_next():
     assert "standard input: line 3: 3 hexadecimal digits" in str(items[2])
 
 
-def test_json_objects_come_as_they_are_between_lines_of_another_form():
+def test_json_objects_between_lines_of_another_form_are_read_as_they_are():
     text = b'{"hex": "0202"}\n' + CAM.hex().encode() + b'\n{\n "message": {}\n}\n[{"a": 1}, 7]\n'
     items = read("-", given_octets=text)
     assert items[0] == Object({"hex": "0202"}, "standard input: line 1")
     assert isinstance(items[1], Pdu)
     assert items[2] == Object({"message": {}}, "standard input: line 3")
     assert items[3] == Object({"a": 1}, "standard input: line 6: item 0")
-    assert "line 6: item 1: '7' is not an object" in str(items[4])
+    assert tells(str(items[4]), "line 6: item 1: ", "'7'", "not an object")
 
 
 def test_an_object_may_be_an_argument():
@@ -150,8 +153,8 @@ def test_the_files_of_a_folder_are_read_in_their_order(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["cam.hex", "no/such/file", "drive.pcapng", "x.jsonl"])
-def test_a_file_that_is_not_there_is_not_taken_for_a_message(name):
-    assert refusal(name) == f"{name}: No such file or directory"
+def test_file_that_is_absent_is_refused_by_its_name(name):
+    assert refusal(name) == f"{name}: {os.strerror(errno.ENOENT)}"
 
 
 def test_base64_with_a_slash_is_no_file():
@@ -161,20 +164,20 @@ def test_base64_with_a_slash_is_no_file():
 
 
 @pytest.mark.parametrize("form", ["binary", "pcap"])
-def test_an_argument_cannot_be_octets(form):
-    assert refusal("0202", form=form) == f"an argument cannot be {form}"
+def test_argument_in_a_form_of_octets_is_refused(form):
+    assert tells(refusal("0202", form=form), "argument", form)
 
 
 @pytest.mark.parametrize("given_octets", [b"", b"\n\n", b"# nothing\n"])
-def test_nothing_is_told(given_octets):
-    assert refusal("-", given_octets=given_octets) == "standard input: it holds no message"
+def test_input_without_a_message_is_refused(given_octets):
+    assert tells(refusal("-", given_octets=given_octets), "standard input: ", "no message")
 
 
-def test_captures_without_a_frame_are_told_where_there_is_nothing_else(tmp_path):
-    assert refusal("-", given_octets=pcap([])) == "standard input: it holds no frame"
+def test_captures_without_a_frame_are_refused_unless_another_has_one(tmp_path):
+    assert tells(refusal("-", given_octets=pcap([])), "standard input: ", "no frame")
     for name, frames in (("a", []), ("b", [])):
         (tmp_path / name).write_bytes(pcap(frames))
-    assert refusal(str(tmp_path / "a"), str(tmp_path / "b")) == f"{tmp_path / 'a'}, {tmp_path / 'b'}: it holds no frame"
+    assert tells(refusal(str(tmp_path / "a"), str(tmp_path / "b")), f"{tmp_path / 'a'}, {tmp_path / 'b'}: ", "no frame")
     (tmp_path / "b").write_bytes(pcap([FRAME]))
     assert octets(str(tmp_path)) == PDU
 

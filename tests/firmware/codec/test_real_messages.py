@@ -16,6 +16,7 @@ from firmware.codec.decoding import Decoder, UndecodableError, error_record, rec
 from firmware.codec.library import load
 from firmware.codec.reading import Object, Pdu, Reader
 from tests.firmware.recordings.test_layers import FRAMES
+from tests.said import tells
 
 VECTORS = json.loads((Path(firmware.__file__).parent / "vectors.json").read_text())
 PDUS = [bytes.fromhex(row["hex"]) for row in VECTORS]
@@ -93,16 +94,16 @@ def test_octets_behind_a_message_are_told(decoder):
     assert told.value.hint.startswith("7 octets follow the 46 of the message")
 
 
-def test_a_message_behind_its_btp_header_is_told(decoder):
+def test_message_behind_its_btp_header_is_refused_with_the_port(decoder):
     with pytest.raises(UndecodableError) as told:
         decoder.identify(Pdu(bytes.fromhex("07d10000") + CAM, "here"))
-    assert told.value.hint.startswith("it begins with a BTP header of port 2001")
+    assert tells(told.value.hint, "BTP header", "port 2001")
 
 
-def test_a_raw_message_of_a_station_is_found_by_trial(decoder):
+def test_raw_message_of_a_station_is_found_by_trial(decoder):
     found = decoder.identify(Pdu(RAW, "here"))
     assert found.message.type == "rawrx"
-    assert found.why.startswith("a guess: its octets are not an ITS PDU header")
+    assert tells(found.why, "guess", "not an ITS PDU header")
 
 
 def test_a_vam_with_the_legacy_number_is_a_vam(decoder):
@@ -110,10 +111,10 @@ def test_a_vam_with_the_legacy_number_is_a_vam(decoder):
     assert decoder.identify(Pdu(vam[:1] + b"\x66" + vam[2:], "here")).message.type == "vam"
 
 
-def test_another_edition_than_was_asked_for_is_told(decoder):
+def test_message_of_another_type_than_asked_for_is_refused_with_its_editions(decoder):
     with pytest.raises(UndecodableError) as told:
         Decoder(load(), "denm").identify(Pdu(CAM, "here"))
-    assert "messageID 2 and protocolVersion 2 are those of cam-1.4.1, cam-2.3.1 and cam-2.1.1" in told.value.message
+    assert tells(told.value.message, "messageID 2 ", "protocolVersion 2 ", "cam-1.4.1, cam-2.3.1 and cam-2.1.1")
     assert "cam-1.4.1" in told.value.hint
 
 
@@ -151,11 +152,11 @@ def test_the_frames_of_an_independent_station_hold_cams(decoder, name):
     assert decoder.identify(pdu).message.type == "cam"
 
 
-def test_what_is_no_message_is_not_called_one(decoder):
+def test_frame_without_a_message_is_refused_as_truncated(decoder):
     (pdu,) = Reader(None, io.BytesIO()).read([FRAMES["hello-shb"].hex()])
     with pytest.raises(UndecodableError) as told:
         decoder.identify(pdu)
-    assert told.value.hint == "it is truncated: 3 octets, and the ITS PDU header alone has 6"
+    assert tells(told.value.hint, "truncated", "3 octets", "header")
 
 
 @given(st.sampled_from(PDUS), st.integers(0, 10_000), st.integers(0, 255))
