@@ -16,6 +16,7 @@ from firmware.console.notes import MOST_LINES, MOST_OCTETS, Notes
 from firmware.console.rates import Rate, Rates
 from firmware.console.service import BY_HAND, Service
 from firmware.console.survey import _port
+from tests.said import tells
 from tests.virtual import VirtualLoop
 
 
@@ -133,20 +134,22 @@ def entry(message: Any, priority: int = 6, who: Any = "captain", at: int = 1_795
     return json.dumps(fields)
 
 
-def test_errors_of_all_and_warnings_of_the_station_are_troubles() -> None:
+def test_troubles_are_errors_of_all_programs_and_warnings_of_the_station() -> None:
+    warning, error = "captain.time: WARNING: built-in table", "captain: ERROR: policy unchanged"
+    of_kernel = "mmc0: error -110"
     output = "\n".join(
         (
-            entry("captain.time: WARNING: the built-in table of leap seconds is used"),
+            entry(warning),
             entry("captain: INFO: captain is ready"),
-            entry("mmc0: error -110 whilst initialising SD card", 3, "kernel"),
+            entry(of_kernel, 3, "kernel"),
             entry("a warning of somebody", 4, "sshd"),
-            entry("captain: ERROR: the policy stays as it was", at=1_795_369_000_000_000),
+            entry(error, at=1_795_369_000_000_000),
         )
     )
     assert troubles(output) == [
-        Trouble(1795370000.0, "captain", "captain.time: WARNING: the built-in table of leap seconds is used"),
-        Trouble(1795370000.0, "kernel", "mmc0: error -110 whilst initialising SD card"),
-        Trouble(1795369000.0, "captain", "captain: ERROR: the policy stays as it was"),
+        Trouble(1795370000.0, "captain", warning),
+        Trouble(1795370000.0, "kernel", of_kernel),
+        Trouble(1795369000.0, "captain", error),
     ]
 
 
@@ -200,34 +203,38 @@ def test_the_journal_is_asked_and_its_end_is_told(
     assert journal.why == ""
 
 
-def test_a_journal_that_is_not_ours_to_read_says_so(loop: VirtualLoop, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_journal_that_this_user_may_not_read_gives_the_group(
+    loop: VirtualLoop, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(journal_module, "COMMAND", ("false",))
     loop.patience_s = 20.0
     told: list[None] = []
     journal = Journal(loop, lambda: told.append(None))
     journal.look()
     loop.run_until(lambda: bool(told))
-    assert journal.why == "the journal cannot be read: add the user to group systemd-journal"
+    assert tells(journal.why, "journal cannot be read: ", "group systemd-journal")
 
 
-def test_without_a_journal_there_are_no_troubles(loop: VirtualLoop, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_journal_without_its_program_has_no_troubles_and_names_it(
+    loop: VirtualLoop, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(journal_module, "COMMAND", ("no-such-program",))
     journal = Journal(loop, lambda: None)
     journal.look()
     assert journal.is_read
     assert journal.troubles == []
-    assert journal.why == "the journal cannot be read: no-such-program is not installed"
+    assert tells(journal.why, "journal cannot be read: ", "no-such-program ", "not installed")
 
 
 # -- the service manager
 
 
-def test_the_service_manager_is_asked_what_became_of_the_station_and_the_journal_why(
+def test_service_that_ended_gives_its_state_last_words_and_remedy(
     loop: VirtualLoop, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shown, said = tmp_path / "shown", tmp_path / "said"
     shown.write_text("LoadState=loaded\nActiveState=activating\nSubState=auto-restart\nNRestarts=3\nrubbish\n")
-    said.write_text(entry("captain: no port is free") + "\n")
+    said.write_text(entry("captain: no free port") + "\n")
     monkeypatch.setattr(systemd, "SHOW", ("cat", str(shown)))
     monkeypatch.setattr(systemd, "SAID", ("cat", str(said)))
     monkeypatch.setattr(systemd, "MANAGER", tmp_path)
@@ -236,9 +243,9 @@ def test_the_service_manager_is_asked_what_became_of_the_station_and_the_journal
     service = Service(loop, lambda: told.append(None))
     service.look()
     loop.run_until(lambda: service.is_read)
-    assert service.words == "captain.service is activating (auto-restart), started again 3 times"
-    assert service.last_words == "no port is free"
-    assert service.remedy == "correct its configuration, then `systemctl restart captain.service`"
+    assert tells(service.words, "captain.service ", "activating (auto-restart)", " 3 times")
+    assert service.last_words == "no free port"
+    assert tells(service.remedy, "configuration", "`systemctl restart captain.service`")
     assert len(told) == 2
 
 

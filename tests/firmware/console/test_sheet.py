@@ -13,6 +13,7 @@ from firmware.console.addresses import AddressedDevice
 from firmware.console.journal import Trouble
 from firmware.console.rates import Rate
 from firmware.console.sheet import Facts, head, sections, shown
+from tests.said import tells
 
 NOW = 1795370000.0
 
@@ -43,14 +44,12 @@ def test_the_head_says_who_and_when() -> None:
     assert head(facts(status)) == "roadside  captain 1.2.3  up 2 h  2026-11-22 17:53:20 UTC"
 
 
-def test_no_station_is_told_with_why_and_who_starts_it() -> None:
+def test_sheet_without_a_station_gives_the_reason_and_the_command_to_start_it() -> None:
     text = said({}, devices=[AddressedDevice("eth0", "down", ())])
-    assert text.splitlines() == [
-        "no station answers: /x: Connection refused",
-        "it is started by `captain run`",
-        "eth0   down    no address",
-        "no drops, no errors",
-    ]
+    why, remedy, *others = text.splitlines()
+    assert tells(why, "no station", "/x: Connection refused")
+    assert "`captain run`" in remedy
+    assert others == ["eth0   down    no address", "no drops, no errors"]
     assert "no station" in head(facts({}))
 
 
@@ -71,9 +70,9 @@ def test_long_last_words_leave_the_screen_its_size() -> None:
     assert section[-1] == "correct it"
 
 
-def test_a_clock_that_is_not_set_is_told(status: dict[str, Any]) -> None:
+def test_sheet_with_a_clock_that_is_not_set_begins_with_it(status: dict[str, Any]) -> None:
     assert "NOT SET" not in said(status)
-    assert said(status | {"is_clock_set": False}).startswith("the clock of this machine is NOT SET: ")
+    assert tells(said(status | {"is_clock_set": False}).splitlines()[0], "clock", "NOT SET: ")
 
 
 def test_a_folder_for_state_that_keeps_nothing_is_told(status: dict[str, Any]) -> None:
@@ -82,9 +81,9 @@ def test_a_folder_for_state_that_keeps_nothing_is_told(status: dict[str, Any]) -
     assert "storage" not in said(status | {"storage": told | {"state": "kept"}})
 
 
-def test_a_holdover_is_told_with_its_bound(status: dict[str, Any]) -> None:
+def test_sheet_in_holdover_gives_its_bound(status: dict[str, Any]) -> None:
     text = said(status | {"clock": {"state": "holdover", "uncertainty_ns": 5210}})
-    assert "time holdover: no good pulse recently: the oscillator continues, within 5.21 us" in text
+    assert any(tells(line, "time holdover: ", "oscillator", "5.21 us") for line in text.splitlines())
 
 
 @pytest.mark.parametrize(
@@ -128,10 +127,11 @@ def test_the_last_drops_and_errors_are_told_the_newest_first(status: dict[str, A
     assert "17:53:20 captain: gnss: WARNING: jammed" in text
 
 
-def test_that_errors_are_not_known_is_not_that_there_are_none(status: dict[str, Any]) -> None:
+def test_sheet_with_an_unread_journal_does_not_claim_no_errors(status: dict[str, Any]) -> None:
     assert "no drops, no errors" in said({})
-    text = said({}, unread="the journal cannot be read: journalctl is not installed")
-    assert "the journal cannot be read" in text
+    unread = "journal: not installed"
+    text = said({}, unread=unread)
+    assert unread in text
     assert "no errors" not in text
 
 
@@ -144,7 +144,7 @@ def test_notes_come_first_as_many_as_leave_room_and_all_at_the_end(status: dict[
     notes = [f"captain.toml: line {number}: wrong" for number in range(1, 13)]
     lines = said(status, notes=notes).splitlines()
     assert lines[:8] == [f"! {note}" for note in notes[:8]]
-    assert lines[8] == "! 4 more lines on the last page"
+    assert lines[8].startswith("! 4 more ")
     assert lines[-12:] == [f"! {note}" for note in notes]
     assert said(status, notes=notes[:8]).count("! captain.toml") == 8
 

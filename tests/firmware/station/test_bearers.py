@@ -20,6 +20,7 @@ from firmware.topics import Topics
 from tests.drivers.fake_worker import FakeWorker
 from tests.firmware.doubles import NotingStation, ScriptedDriver
 from tests.firmware.whole_board import NearBoardWorker, WholeBoard
+from tests.said import tells
 from tests.virtual import VirtualLoop
 
 
@@ -97,9 +98,10 @@ def test_bearer_in_its_bring_up_is_told_as_starting(bench: Bench) -> None:
     bench.all["v2n"].start()
     bench.all["modem"].start()
     bench.driver.take()
-    bench.modem.starting("registers with the network")
-    bench.modem.link(False, "registers with the network")
-    assert bench.driver.take() == [(state, "", "registers with the network") for state in ("starting", "down")]
+    why = "registers with the network"
+    bench.modem.starting(why)
+    bench.modem.link(False, why)
+    assert bench.driver.take() == [(state, "", why) for state in ("starting", "down")]
 
 
 def test_bearer_that_fails_alike_after_a_retry_is_told_as_down(bench: Bench) -> None:
@@ -112,7 +114,9 @@ def test_bearer_that_fails_alike_after_a_retry_is_told_as_down(bench: Bench) -> 
     bench.all["modem"].start()
     bench.all["v2n"].start()
     bench.modem.fail(gone)
-    assert bench.driver.take() == [("starting", "", "waiting for its link"), ("down", "", "unplugged")]
+    (state, device, why), down = bench.driver.take()
+    assert (state, device, down) == ("starting", "", ("down", "", gone.message))
+    assert "link" in why
 
 
 def test_a_bearer_that_was_up_before_is_told_with_its_device(bench: Bench) -> None:
@@ -160,7 +164,7 @@ def test_a_driver_may_fail_by_what_it_is_told(bench: Bench) -> None:
     assert bench.all["v2n"].state == "waiting"
 
 
-def test_an_interface_at_a_broker_follows_the_modem_of_a_slot(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interface_at_a_broker_follows_the_modem_of_a_slot(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drivers.mqtt.uplink, "Worker", FakeWorker)
     monkeypatch.setattr(FakeWorker, "made", [])
     monkeypatch.setattr(carrier, "BoardWorker", NearBoardWorker)
@@ -176,13 +180,12 @@ def test_an_interface_at_a_broker_follows_the_modem_of_a_slot(monkeypatch: pytes
         board.until_up()
         assert [talk.parse_bearer(message)[0] for message in worker.take(talk.BEARER)] == [False, True]
         # Until the process reports its own link.
-        assert (interface.link_state, interface.why) == ("starting", "waits for bearer cellular: connects")
+        assert interface.link_state == "starting"
+        assert tells(interface.why, "bearer cellular", "connects")
         worker.message(talk.state(True, "connected"))
         assert (interface.is_up, interface.why) == (True, "connected")
         board.carrier.slots["cellular"].operate("off")
         assert [talk.parse_bearer(message)[0] for message in worker.take(talk.BEARER)] == [False]
-        assert (interface.is_up, interface.why) == (
-            False,
-            "bearer cellular is down: slot cellular: off: by an operator",
-        )
+        assert interface.link_state == "down"
+        assert tells(interface.why, "bearer cellular", "slot cellular: off: ", "operator")
         v2n.stop()

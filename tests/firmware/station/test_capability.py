@@ -61,16 +61,12 @@ def test_a_position_works_while_it_is_fresh(loop: VirtualLoop, own_position: Own
     assert row("position", one, own_position).works is False
 
 
-def test_a_bearer_works_with_its_signal_and_address(loop: VirtualLoop, own_position: OwnPosition) -> None:
+def test_bearer_works_with_its_signal_and_address(loop: VirtualLoop, own_position: OwnPosition) -> None:
     one = running(loop, Can.BEARER)
-    assert row("bearer", one, own_position) == Row(
-        "bearer g5",
-        True,
-        False,
-        "no signal, no address",
-        "check the network coverage",
-        "`captain modem status` says more",
-    )
+    without = row("bearer", one, own_position)
+    assert without[:4] == ("bearer g5", True, False, "no signal, no address")
+    assert "coverage" in without.remedy
+    assert "`captain modem status`" in without.ask
     one.interface.report_details({"rssi_dbm": -71, "addresses": ["10.0.0.2"]})
     assert row("bearer", one, own_position) == Row("bearer g5", True, True, "-71 dBm, 10.0.0.2")
     one.interface.link(False, "no network")
@@ -94,13 +90,11 @@ def test_an_empty_slot_that_nobody_uses_is_empty_and_neither_works_nor_does_not(
     assert (found.works, found.value) == (works, value)
 
 
-def test_a_slot_that_does_not_work_says_what_to_do(loop: VirtualLoop) -> None:
+def test_slot_that_does_not_work_gives_its_cause_and_the_command_to_cycle_it(loop: VirtualLoop) -> None:
     fault = {"interface": "g5", "state": "fault", "cause": "no answer from 0x20", "hint": "is it plugged in?"}
     found = of_slot("v2x", {**SLOT, **fault})
-    assert (found.remedy, found.ask) == (
-        "no answer from 0x20 (is it plugged in?)",
-        "`captain slot cycle v2x` tries again",
-    )
+    assert found.remedy == f"{fault['cause']} ({fault['hint']})"
+    assert "`captain slot cycle v2x`" in found.ask
 
 
 def test_what_a_link_misses_is_said_once_and_what_hangs_on_it_refers_to_it(

@@ -80,23 +80,26 @@ def test_a_bring_up_is_starting_until_the_link_is_up_or_a_fault_is_known(bench: 
     assert bench.life.state == "up"
 
 
-def test_a_start_after_a_failure_is_starting_until_it_reports_its_link(bench: Bench) -> None:
+def test_start_after_a_failure_is_starting_until_it_reports_its_link(bench: Bench) -> None:
     bench.life.start()
     bench.driver.on_start = lambda host: None
     bench.life.driver_failed(GONE)
     assert (bench.life.state, bench.interface.why) == ("waiting", GONE.message)
     bench.loop.run_for(1)
-    assert (bench.life.state, bench.interface.why) == ("starting", "waiting for its link")
+    assert bench.life.state == "starting"
+    assert "link" in bench.interface.why
     bench.interface.link(False, GONE.message)
     assert (bench.life.state, bench.interface.why) == ("down", GONE.message)
 
 
-def test_a_start_after_a_hold_does_not_keep_the_reason_of_the_hold(bench: Bench) -> None:
+def test_start_after_a_hold_does_not_keep_the_reason_of_the_hold(bench: Bench) -> None:
     bench.life.start()
     bench.life.hold("slot v2x was switched off by operator")
     bench.driver.on_start = lambda host: None
     bench.life.start()
-    assert (bench.life.state, bench.interface.why) == ("starting", "waiting for its link")
+    assert bench.life.state == "starting"
+    assert "link" in bench.interface.why
+    assert "slot v2x" not in bench.interface.why
 
 
 def test_what_cannot_start_is_tried_again_less_and_less_often(bench: Bench) -> None:
