@@ -1,6 +1,8 @@
 """Calls of the board process: those of board/README.md, and invalid ones."""
 
+import errno
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +17,7 @@ from board.machine import REAL
 from board.runtime.errors import InterfaceError
 from drivers.sim.chips import UUID, Fault, FiledBus, World
 from tests.board.boards import BOARD, make_machine
+from tests.said import tells
 
 README = Path(module.__file__).with_name("README.md").read_text()
 
@@ -139,26 +142,26 @@ def test_a_failure_is_answered_with_what_where_and_the_remedy_and_the_next_call_
     assert "value" in ask(calls, "rail", name="main")
 
 
-def test_a_bus_is_opened_once_and_again_after_it_could_not_be(machine):
+def test_bus_is_opened_once_and_again_after_a_failure(machine):
     opened = []
 
     def open_bus(name, hardware, machine):
         opened.append(name)
         if len(opened) == 1:
-            raise InterfaceError("/dev/i2c-1: No such file or directory", "dtparam")
+            raise InterfaceError("/dev/i2c-1: absent", "dtparam")
         return FiledBus(name, hardware, machine)
 
     calls = BlockingBusCalls(BOARD, machine, open_bus)
-    assert ask(calls, "rail", name="main") == {"error": "/dev/i2c-1: No such file or directory", "hint": "dtparam"}
+    assert ask(calls, "rail", name="main") == {"error": "/dev/i2c-1: absent", "hint": "dtparam"}
     for name in ("main", "modem"):
         value(calls, "rail", name=name)
     assert opened == ["main", "main"]
 
 
-def test_without_a_simulator_it_is_the_kernels_bus(machine, tmp_path):
+def test_bus_without_a_simulator_is_that_of_the_kernel(machine, tmp_path):
     hardware = replace(BOARD, buses={"main": replace(BOARD.buses["main"], path=str(tmp_path / "i2c-7"))})
     answer = ask(BlockingBusCalls(hardware, machine, open_real_bus), "rail", name="main")
-    assert answer["error"] == f"{tmp_path}/i2c-7: No such file or directory"
+    assert answer["error"] == f"{tmp_path}/i2c-7: {os.strerror(errno.ENOENT)}"
 
 
 @pytest.mark.parametrize(("call", "words"), [
@@ -185,10 +188,10 @@ def test_a_malformed_call_is_answered_with_what_is_wrong(calls, call, words):
 
 
 @pytest.mark.parametrize("do", ["fan", "set_fan"])
-def test_a_board_without_a_fan_says_so(machine, do):
+def test_call_for_a_fan_that_is_not_declared_is_refused(machine, do):
     calls = BlockingBusCalls(replace(BOARD, fan=None), machine, FiledBus)
     arguments = {"percent": 5.0} if do == "set_fan" else {}
-    assert ask(calls, do, **arguments)["error"] == "[fan] is not declared in the board file"
+    assert tells(ask(calls, do, **arguments)["error"], "[fan] ", "not declared", "board file")
 
 
 @given(message=st.binary(min_size=1, max_size=60) | st.text(alphabet='{}[]":,1idonull', min_size=1).map(str.encode))

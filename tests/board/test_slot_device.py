@@ -7,6 +7,7 @@ from board.presence import FLAP_S, FLAPS
 from board.slot import STEADY_S, SequencerState
 from board.usb import UsbDevice
 from tests.board.slot_bench import MODEM, OTHER, Bench, bench, bring
+from tests.said import tells
 
 __all__ = ["bench"]  # a fixture
 
@@ -135,11 +136,11 @@ def test_a_fault_does_not_end_with_a_wrong_device(bench):
     assert bench.slot.state is SequencerState.FAULT
 
 
-def test_a_device_that_stays_while_its_slot_is_cut_is_noted(bench):
+def test_device_that_stays_while_its_slot_is_cut_is_noted(bench):
     bring(bench, SequencerState.PRESENT)
     bench.slot.cycle()
     bench.until(SequencerState.PRESENT)
-    assert bench.slot.note == "its device stayed present while the power was off; switched by its power line"
+    assert tells(bench.slot.note, "device", "present", "power was off", "power line")
     bench.found = None
     bench.slot.cycle()
     bench.until(SequencerState.RELEASED)

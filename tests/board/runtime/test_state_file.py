@@ -8,6 +8,7 @@ import pytest
 
 from board.runtime import state_file
 from board.runtime.errors import StorageError
+from tests.said import tells
 
 OLD, NEW = b"old" * 1000, b"new"
 
@@ -106,23 +107,23 @@ def test_a_write_that_is_refused_leaves_the_old_content_and_nothing_beside_it(pa
     assert sum(call.startswith("close") for call in calls.made) == opened
 
 
-def test_each_refusal_is_counted_with_what_was_said_last(path, counted, monkeypatch):
+def test_refusal_of_a_state_file_is_counted_with_its_reason(path, counted, monkeypatch):
     with monkeypatch.context() as patch:
         Calls(patch, "fsync x.json.new")
         for _ in range(2):
             with pytest.raises(StorageError):
                 state_file.keep(path, NEW)
     assert counted.count == 2
-    assert counted.last == f"{path}: cannot be written: No space left on device"
+    assert tells(counted.last, f"{path}: ", "written", os.strerror(errno.ENOSPC))
     assert "room" in counted.hint
     state_file.keep(path, NEW)
     assert counted.count == 2  # a fault that has gone stays counted
 
 
-def test_a_folder_that_is_not_there_is_told_with_what_to_do(tmp_path):
+def test_state_file_in_an_absent_folder_is_refused_with_its_path(tmp_path):
     with pytest.raises(StorageError) as refused:
         state_file.keep(tmp_path / "no" / "x", NEW)
-    assert "No such file or directory" in refused.value.message
+    assert os.strerror(errno.ENOENT) in refused.value.message
     assert str(tmp_path / "no") in refused.value.hint
 
 

@@ -1,5 +1,6 @@
 """Worker: every way in which a child fails, and its restarts."""
 
+import errno
 import os
 import re
 import signal
@@ -10,6 +11,7 @@ from board.runtime import worker
 from board.runtime.child import GRACE_S, START_S
 from board.runtime.worker import STEADY_S
 from tests.board.runtime.worker_bench import SLEEPER, STRANGER, is_gone, make
+from tests.said import tells
 
 __all__ = ["make"]  # a fixture
 
@@ -50,12 +52,12 @@ def test_a_name_that_the_program_does_not_know_is_a_failure_that_says_so(make, c
     assert "--worker is internal" in capfd.readouterr().err
 
 
-def test_a_child_that_does_not_run_in_time_is_killed(make):
+def test_child_that_does_not_run_in_time_is_killed(make):
     bench = make("echo", SLEEPER)
     bench.worker.start()
     bench.pass_time(START_S)
     bench.loop.run_until(lambda: len(bench.states) > 0)
-    assert f"did not start within {START_S:.0f} s, SIGKILL" in bench.down()
+    assert tells(bench.down(), "not start", f"{START_S:.0f} s", "SIGKILL")
 
 
 def test_a_program_that_is_not_ours_is_killed(make):
@@ -65,20 +67,20 @@ def test_a_program_that_is_not_ours_is_killed(make):
     assert "unexpected first message" in bench.down()
 
 
-def test_a_child_that_sends_too_long_a_message_is_killed(make):
+def test_child_that_sends_too_long_a_message_is_killed(make):
     bench = make("long")
     bench.up()
-    assert "sent a message of more than 65536 octets, SIGKILL" in bench.down()
+    assert tells(bench.down(), "message", "65536 octets", "SIGKILL")
     assert bench.messages == []
 
 
-def test_a_child_that_closes_its_socket_and_stays_is_killed(make):
+def test_child_that_closes_its_socket_and_stays_is_killed(make):
     bench = make("closer")
     pid = bench.up()
     bench.loop.run_until(lambda: not bench.worker.is_up)
     assert not bench.worker.send(b"x")
     bench.pass_time(GRACE_S)
-    assert "closed its socket but did not exit in time, SIGKILL" in bench.down()
+    assert tells(bench.down(), "closed its socket", "not exit", "SIGKILL")
     assert is_gone(pid)
 
 
@@ -117,13 +119,15 @@ def test_a_pause_of_the_program_itself_is_no_silence_of_its_child(make):
     assert len(bench.states) == 1
 
 
-def test_restarts_come_ever_later_up_to_half_a_minute(make):
+def test_restarts_of_a_child_that_cannot_start_come_ever_later_up_to_half_a_minute(make):
     bench = make("echo", ["/nowhere/captain"])
     bench.worker.start()
     for _ in range(9):
         bench.pass_time(30.0)
     delays = [re.sub(r".* in ", "", why) for _, why in bench.states]
-    assert bench.states[0] == (False, "cannot be started: No such file or directory; starts again in 0.2 s")
+    is_up, why = bench.states[0]
+    assert not is_up
+    assert tells(why, "started: ", f"{os.strerror(errno.ENOENT)}; ", "0.2 s")
     assert delays == [f"{s} s" for s in ("0.2", "0.4", "0.8", "1.6", "3.2", "6.4", "12.8", "25.6", "30.0", "30.0")]
     assert bench.worker.restarts == 10
 

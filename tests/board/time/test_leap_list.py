@@ -1,5 +1,6 @@
 """The system's list of leap seconds: as it is, expired, damaged, denied, and which table is taken."""
 
+import errno
 import hashlib
 import os
 from calendar import timegm
@@ -13,6 +14,7 @@ from board.runtime.errors import ConfigurationError, StationError
 from board.time.leap_list import MOST, NTP_EPOCH, day, read_list
 from board.time.leaps import BUILT_IN, LIST, Leaps, known, read
 from board.time.scales import LEAPS, LEAPS_END
+from tests.said import tells
 
 # The list of the IERS of July 2025, as tzdata 2025b of Debian has it; it is in the public domain.
 REAL = Path(__file__).parents[2] / "captures/leap-seconds.list"
@@ -82,16 +84,14 @@ def test_words_of_the_hash_may_lack_leading_zeros_and_lines_end_as_they_like(pat
     assert read(str(path)).rows == BUILT_IN.rows
 
 
-def test_a_list_from_before_the_last_leap_seconds_is_no_contradiction(path):
+def test_list_from_before_the_last_leap_seconds_is_no_contradiction(path):
     path.write_text(listed(HISTORY[:4], timegm((2014, 1, 1, 0, 0, 0)), timegm((2014, 6, 28, 0, 0, 0))))
     assert read(str(path)).rows == BUILT_IN.rows[:3]
     leaps = known(str(path), NOW)
     assert leaps.source == "built in"
-    assert leaps.doubt == f"{path}: expired on 2014-06-28; the built-in table of leap seconds is used"
-    assert (
-        known(str(path), EXPIRES).doubt
-        == f"{path}: expired on 2014-06-28, the built-in table on 2026-06-28; update tzdata"
-    )
+    assert tells(leaps.doubt, f"{path}: ", "expired on 2014-06-28; ", "built-in table", "used")
+    doubt = known(str(path), EXPIRES).doubt
+    assert tells(doubt, f"{path}: ", "expired on 2014-06-28", "built-in table", "2026-06-28; ", "tzdata")
 
 
 # Which table is taken.
@@ -107,14 +107,15 @@ def test_a_list_that_holds_is_taken_and_without_one_what_is_built_in(path):
 @pytest.mark.parametrize(
     ("name", "why"),
     [
-        ("", ""),
-        ("/no/such/list", "/no/such/list: the list of leap seconds cannot be read: No such file or directory; "),
+        ("", ()),
+        ("/no/such/list", ("/no/such/list: ", f"{os.strerror(errno.ENOENT)}; ")),
     ],
 )
-def test_what_is_built_in_is_doubted_once_it_may_lack_leap_seconds(name, why):
+def test_built_in_table_is_doubted_once_it_may_lack_leap_seconds(name, why):
     leaps = known(name, EXPIRES)
     assert leaps.rows == BUILT_IN.rows
-    assert leaps.doubt == f"{why}the built-in table of leap seconds expired on 2026-06-28"
+    assert tells(leaps.doubt, *why, "built-in table", "expired on 2026-06-28")
+    assert (";" in leaps.doubt) is bool(why)
 
 
 def test_a_list_that_expired_with_what_is_built_in_is_told_once(path):
@@ -122,7 +123,7 @@ def test_a_list_that_expired_with_what_is_built_in_is_told_once(path):
     assert known(str(path), EXPIRES).doubt == f"{path}: expired on 2026-06-28, like the built-in table; update tzdata"
 
 
-def test_a_list_that_expired_is_taken_only_where_it_knows_more(path):
+def test_list_that_expired_is_used_only_if_it_has_more_leap_seconds(path):
     path.write_text(listed())
     assert known(str(path), EXPIRES - 1).doubt == ""
     assert known(str(path), EXPIRES).source == "built in"
@@ -130,16 +131,13 @@ def test_a_list_that_expired_is_taken_only_where_it_knows_more(path):
     path.write_text(listed(more, expires=timegm((2027, 12, 28, 0, 0, 0))))
     leaps = known(str(path), IN_2029)
     assert leaps.source == str(path)
-    assert "expired on 2027-12-28 but used: it has more leap seconds than the built-in table" in leaps.doubt
+    assert tells(leaps.doubt, f"{path}: ", "expired on 2027-12-28", "used: ", "more", "built-in table")
 
 
-def test_a_list_that_is_refused_is_named_with_its_reason_and_what_is_built_in_is_taken(path):
+def test_list_that_is_absent_is_named_with_its_reason_and_the_built_in_table_used(path):
     leaps = known(str(path), NOW)
     assert leaps.rows == BUILT_IN.rows
-    assert leaps.doubt == (
-        f"{path}: the list of leap seconds cannot be read: No such file or directory; "
-        "the built-in table of leap seconds is used"
-    )
+    assert tells(leaps.doubt, f"{path}: ", f"{os.strerror(errno.ENOENT)}; ", "built-in table", "used")
 
 
 # What is refused.
