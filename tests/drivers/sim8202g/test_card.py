@@ -6,6 +6,7 @@ import pytest
 
 from board.runtime.errors import InterfaceError
 from drivers.sim.modem.commands import ICCID
+from tests.said import tells
 
 PATIENCE_S = 0.0  # ptys tell when octets are on their way
 OTHER_ICCID = ICCID[:-1] + "1"
@@ -213,7 +214,7 @@ def test_a_stray_line_beside_its_number_makes_no_other_card_of_it(locked):
     assert bench.modem.card.tries == ["0000"]
 
 
-def test_a_pin_that_was_refused_stays_refused_when_another_was_tried_since(locked, tmp_path):
+def test_pin_that_was_refused_stays_refused_when_another_was_tried_since(locked, tmp_path):
     bench = locked(pin="0000")
     bench.modem.card.attempts = 10
     bench.start()
@@ -223,7 +224,7 @@ def test_a_pin_that_was_refused_stays_refused_when_another_was_tried_since(locke
         restart(bench)
         bench.loop.run_for(120)
     assert bench.modem.card.tries == ["0000", "1111"]
-    assert bench.station.why.startswith("the SIM has refused this PIN before")
+    assert tells(bench.station.why, "SIM", "refused", "PIN before")
 
 
 def test_what_one_card_refused_another_is_given_and_the_first_never_again(locked):

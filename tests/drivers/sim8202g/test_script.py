@@ -6,6 +6,7 @@ from board.runtime.errors import StationError
 from drivers.sim8202g.script import LEAST_PAUSE_S, Ask, Begin, Ended, Pause, Run, Runner, StepError, ask, run
 from drivers.wire.at.forms import SILENT, Final
 from drivers.wire.at.port import Answer
+from tests.said import tells
 
 PATIENCE_S = 0.0  # nothing here crosses the kernel's threads
 OK = Final("OK")
@@ -124,7 +125,7 @@ def test_a_program_that_fails_raises_with_its_last_words_and_is_stopped_by_an_in
         try:
             yield from run("false", "x")
         except StepError as error:
-            assert str(error) == "false ended with status 1: last"
+            assert tells(str(error), "false ", "status 1: last")
         yield Run(("sleep",), 5.0)
 
     runner, errors = started(loop, world, script())
