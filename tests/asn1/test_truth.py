@@ -1,4 +1,4 @@
-"""Every message of every edition against encoders that share nothing with it. `python -m tests.asn1.truth` is the long form."""
+"""Every edition against our own reference, and one of each message against other codecs; `make truth` has all of both."""
 
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,8 @@ from tests.asn1.truth import report, schema, tasks
 from tests.asn1.values import Values
 
 MESSAGES = sorted(schema().messages)
+# The first edition of each message: the other codecs take a second to compile an edition.
+FIRST = sorted({one.type: one.name for one in reversed(schema().messages.values())}.values())
 
 
 def tried(name: str, count: int, **every: int) -> Tally:
@@ -35,14 +37,14 @@ def test_octets_are_those_that_the_standard_demands_and_decode_to_the_value(name
     assert (tally.values, tally.unexplained) == (200, 0), tally.examples
 
 
-@pytest.mark.parametrize("name", MESSAGES)
+@pytest.mark.parametrize("name", FIRST)
 def test_asn1tools_agrees_but_for_what_is_known(name: str):
     tally = tried(name, 60, asn1tools=3)
     assert tally.agreed["asn1tools"] + tally.healed["asn1tools"] >= 15
     assert tally.unexplained == 0, tally.examples
 
 
-@pytest.mark.parametrize("name", MESSAGES)
+@pytest.mark.parametrize("name", FIRST)
 def test_pycrate_agrees_but_for_what_is_known(name: str):
     tally = tried(name, 40, pycrate=4)
     assert tally.agreed["pycrate"] + tally.healed["pycrate"] >= 6

@@ -1,6 +1,6 @@
 """Hostile peers of the endpoint, each repeated until the station ends it.
 
-usage: python -m tests.attack.attacks NAME PORT
+usage: python -m tests.attack.attacks NAME PORT [CONNECTIONS]
 """
 
 import socket
@@ -59,14 +59,14 @@ def empty_parts(port: int) -> None:
     _send_until_cut(port, b"PUSH", iter(lambda: EMPTY, b""))
 
 
-def idle(port: int) -> None:
+def idle(port: int, count: int = CONNECTIONS) -> None:
     """Connections that do nothing."""
-    _hold(port, b"PUSH", CONNECTIONS, 1.0)
+    _hold(port, b"PUSH", count, 1.0)
 
 
-def slow(port: int) -> None:
+def slow(port: int, count: int = SUBSCRIBERS) -> None:
     """Subscribers to everything that never read."""
-    _hold(port, b"SUB", SUBSCRIBERS, 10.0, frame(b"\1"))
+    _hold(port, b"SUB", count, 10.0, frame(b"\1"))
 
 
 def _send_until_cut(port: int, kind: bytes, parts: Iterator[bytes]) -> None:
@@ -94,7 +94,7 @@ def _hold(port: int, kind: bytes, count: int, hold_s: float, after: bytes = b"")
 
 
 # Name -> what is done, and at which ports.
-ATTACKS: dict[str, tuple[Callable[[int], None], tuple[str, ...]]] = {
+ATTACKS: dict[str, tuple[Callable[..., None], tuple[str, ...]]] = {
     "unsubscribe": (unsubscribe, ("to_users", "report")),
     "giant-topic": (giant_topic, ("to_users", "report")),
     "topics": (topics, ("to_users", "report")),
@@ -108,10 +108,10 @@ ATTACKS: dict[str, tuple[Callable[[int], None], tuple[str, ...]]] = {
 
 
 def main() -> None:
-    attack, port = ATTACKS[sys.argv[1]][0], int(sys.argv[2])
+    attack, numbers = ATTACKS[sys.argv[1]][0], [int(word) for word in sys.argv[2:]]
     while True:
         with suppress(OSError, TimeoutError):
-            attack(port)
+            attack(*numbers)
         time.sleep(AGAIN_S)
 
 

@@ -4,6 +4,7 @@ import json
 import select
 import signal
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from firmware import cli
 from firmware.client import client
 from firmware.lab.laboratory import Seat, bench
 from firmware.meter.meter import Meter
@@ -142,7 +144,8 @@ def test_a_station_that_is_not_there_is_told() -> None:
     ],
 )
 def test_what_does_not_go_together_is_wrong_usage(arguments: tuple[str, ...]) -> None:
-    assert meter(*arguments).returncode == 2
+    with pytest.raises(SystemExit, match=f"^{cli.USAGE_ERROR}$"):
+        sys.exit(cli.main(["meter", *arguments]))
 
 
 def test_of_table_2_it_is_said_what_measures_it() -> None:
