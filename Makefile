@@ -46,13 +46,13 @@ fresh: ## run and test on bare Debian 12 and 13, as root; in new roots, with tim
 	@.ci/setup fresh
 	@.ci/fresh $(ARGS)
 
-test-binary: test-binary-directory test-binary-file ## the system tests against both forms of the binary; -j2 -O: side by side
+test-binary: test-binary-directory test-binary-file ## the system tests against both forms of the binary; -j2 -O: side by side; ONE_FILE='FILES' of tests for the one file
 
 test-binary-directory: setup-test binary
 	@CAPTAIN=build/binary/captain-dir/captain $(PYTEST) tests/system $(ARGS)
 
 test-binary-file: setup-test binary
-	@CAPTAIN=build/binary/captain $(PYTEST) tests/system $(ARGS)
+	@CAPTAIN=build/binary/captain $(PYTEST) $(or $(ONE_FILE),tests/system) $(ARGS)
 
 check: setup-test ## lint, format, types, imports, construction, plain English
 	@.venv/bin/ruff check
@@ -84,8 +84,8 @@ bench-station: setup-test binary ## latency, loss-free rate, processor and memor
 bench-json: setup-test ## a CAM as JSON beside its octets, to the radio and to users: latency, highest rate, memory; JSON='--pairs 2'
 	@.venv/bin/python -m tests.bench.json_path $(JSON)
 
-bench-messages: setup-test ## the message library beside asn1tools, pycrate and asn1c in the same run, and how large it is
-	@.venv/bin/python -m tests.bench.messages
+bench-messages: setup-test ## the message library beside asn1tools, pycrate and asn1c in the same run, and how large it is; MESSAGES='--only cam'
+	@.venv/bin/python -m tests.bench.messages $(MESSAGES)
 	@.venv/bin/python -m tests.bench.sizes
 
 bench-v2n: setup-test ## cost of a broker in trouble for other interfaces; V2N beside plain paho; V2N='--pairs 2'
@@ -138,8 +138,8 @@ chaos: setup-test ## everything that is simulated fails at random: MINUTES=30 of
 	@.venv/bin/python -m tests.proof.chaos.virtual --minutes $(or $(MINUTES),30) --seeds 1 2 3
 	@.venv/bin/python -m tests.proof.chaos --duration $(or $(DURATION),600) $(ARGS)
 
-outages: setup-test ## a vehicle's network: HOURS=24 of it in virtual time, then DURATION=1800 real seconds without the quiet
-	@.venv/bin/python -m tests.proof.outage.virtual --hours $(or $(HOURS),24) --seeds 1 2 3
+outages: setup-test ## a vehicle's network: HOURS=24 of it in virtual time, then DURATION=1800 real seconds without the quiet; SEEDS='1 2 3'
+	@.venv/bin/python -m tests.proof.outage.virtual --hours $(or $(HOURS),24) --seeds $(or $(SEEDS),1 2 3)
 	@.venv/bin/python -m tests.proof.outage --duration $(or $(DURATION),1800) $(ARGS)
 
 client: setup-test ## the Python client while the station is restarted: exact sums of requests and messages; ARGS='--duration 8 --restarts 2'
