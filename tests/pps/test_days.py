@@ -19,14 +19,18 @@ from tests.pps.days.plans import AROUND_S, LOST_S, days, emulated, random_day
 from tests.pps.days.trouble import Kind, Trouble
 
 HOUR = 3_600
-PLAYED_S = 8 * HOUR  # played of each day: most faults come every hour or two
+PLAYED_S = 3 * HOUR  # played of each day: most faults come every hour or two
+# An engine starts after 5 hours, outages of minutes and some steps come later, and only two days are without pulses.
+LONGER_S = 8 * HOUR
+LONGER = ("engine and sun", "outages", "clock stepped", "messages alone", "the system's word")
+NIGHT = (5 * HOUR, 13 * HOUR)  # played of a day with a special midnight, from noon on
 
 
 def begun(plan: Plan) -> Plan:
-    """Return the beginning of a day, with the troubles that end in it. A day with a special midnight stays whole."""
-    if plan.seconds == AROUND_S:
-        return plan
-    return replace(plan, seconds=PLAYED_S, troubles=tuple(one for one in plan.troubles if one.end < PLAYED_S))
+    """Return the beginning of a day, or the hours around its special midnight, with the troubles that lie in them."""
+    begin, end = NIGHT if plan.seconds == AROUND_S else (0, LONGER_S if plan.name in LONGER else PLAYED_S)
+    troubles = (one._replace(at=one.at - begin) for one in plan.troubles if begin <= one.at and one.end < end)
+    return replace(plan, start_s=plan.start_s + begin, seconds=end - begin, troubles=tuple(troubles))
 
 
 def played(*troubles: Trouble, seconds: int = HOUR) -> Account:

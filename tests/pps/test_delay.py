@@ -13,7 +13,7 @@ from pps.sim.temperature import Temperature, engine, fan
 from tests.pps.station import SECOND_NS, Sample, Station, figures
 
 HOUR = 3600
-PERIOD_S = 0.1  # of messages
+PERIOD_S = 0.5  # of messages
 SETTLED_S = 30  # from then on both know their time
 
 
@@ -40,7 +40,7 @@ def delays(sender: Station, receiver: Station, hours: float, silent: tuple[int, 
         sender.paired_pulse(second)
         if not silent[0] <= second < silent[1]:
             receiver.paired_pulse(second)
-        for number in range(10) if second >= SETTLED_S else ():
+        for number in range(2) if second >= SETTLED_S else ():
             sent_ns = START_NS + round((second + 0.09 + number * PERIOD_S) * SECOND_NS)
             truth_ns = 2_000_000 + round(random.expovariate(1 / 1_500_000))
             delay = one_way(stamp(sender, sent_ns), stamp(receiver, sent_ns + truth_ns))
