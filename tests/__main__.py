@@ -20,6 +20,7 @@ PARTS = (
     (
         "tests/asn1", "tests/board", "tests/drivers/wire", "tests/firmware/card", "tests/firmware/update", "tests/firmware/codec",
         "tests/firmware/console", "tests/firmware/gateway", "tests/image", "tests/firmware/meter", "tests/pps",
+        "tests/firmware/captain_client",
     ),
     ("tests/system",),
 )  # fmt: skip
