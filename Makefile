@@ -4,7 +4,7 @@
 .DEFAULT_GOAL := help
 .PHONY: help setup packages run codec wheels import-check docs reference test fresh test-binary test-binary-directory test-binary-file check arcs mutants portable fuzz truth dialects \
 	bench bench-station bench-json bench-messages bench-v2n bench-time bench-record bench-ros2 bench-before lab meter attack chaos outages client facilities fleet swarm \
-	kernel ros2 clock days chronyd binary image image-test programs programs-test release flash lock proof clean
+	kernel ros2 clock days chronyd binary deb image image-test programs programs-test release flash lock proof clean
 
 # The last commit before the code lay in packages, whose figures tests/bench/FIGURES.md has.
 BEFORE ?= d0166e94
@@ -13,7 +13,7 @@ PYTEST := .venv/bin/python -m pytest
 
 # The targets of `make help`, by group; ALL=1 has the others as well, each with its options.
 USE := packages setup run lab meter
-TOOLS := codec wheels docs binary programs image flash
+TOOLS := codec wheels docs binary deb programs image flash
 DEVELOP := test check reference fresh bench proof clean
 
 help: ## targets by group; ALL=1 shows all of them with their options
@@ -175,6 +175,9 @@ chronyd: setup-test ## a real chronyd, fed and stepped: by the refclock alone, t
 
 binary: setup-freeze setup ## build captain as one file and as a directory; in build/binary; the directory is for the image
 	@.ci/freeze
+
+deb: setup-freeze setup ## build both Debian packages for this machine's processor, without root; in build/deb
+	@.venv/bin/python -m image.program.native
 
 image: setup-image ## build the card of a Raspberry Pi 4; build/captain-VERSION-arm64.img, checked; ARGS='build --upgrade', ARGS=twice
 	@.ci/image $(ARGS)

@@ -1,4 +1,4 @@
-"""Debian package of captain's directory, for machines other than the box."""
+"""Debian packages, and that of captain's directory, for machines other than the box."""
 
 import hashlib
 import os
@@ -17,19 +17,21 @@ UNIT = "usr/lib/systemd/system/captain.service"  # in the overlay and in the pac
 PLACE = "usr/lib/captain"
 DOCUMENTS = "usr/share/doc/captain"
 MAINTAINER = "captain <root@localhost>"  # because the package comes from no archive
-SCRIPTS = ("postinst", "prerm", "postrm")
 # Target paths of the files in image/debian; dpkg keeps those in etc if their owner has changed them.
 PLACES = {
     "captain.toml": "etc/captain/captain.toml",
     "captain.default": "etc/default/captain",
 }
 
+# Scripts of a package that dpkg runs; a package has some of them.
+SCRIPTS = ("postinst", "prerm", "postrm")
+
 _CONTROL = """\
 Package: captain
 Version: {version}
 Architecture: {architecture}
 Maintainer: {maintainer}
-Installed-Size: {size_kib}
+Installed-Size: {{size_kib}}
 Depends: libc6 (>= {c_library}), passwd
 Recommends: chrony
 Section: net
@@ -57,23 +59,32 @@ def make(
     with tempfile.TemporaryDirectory() as name:
         root = Path(name) / "package"
         _lay_out(program, documents, root)
-        sizes = [path.stat().st_size for path in root.rglob("*") if path.is_file() and not path.is_symlink()]
-        words = {
-            "version": version,
-            "architecture": architecture,
-            "maintainer": MAINTAINER,
-            "size_kib": sum(sizes) // 1024,
-            "c_library": c_library(root / PLACE),
-        }
-        _describe(root, _CONTROL.format(**words))
-        for path in [root, *root.rglob("*")]:
-            if not path.is_symlink():
-                path.chmod(0o755 if path.is_dir() or path.stat().st_mode & 0o100 else 0o644)
-            os.utime(path, (epoch, epoch), follow_symlinks=False)
-        run(
-            ["dpkg-deb", "--root-owner-group", "-Zxz", "--build", root, target],
-            environment={"SOURCE_DATE_EPOCH": str(epoch)},
+        control = _CONTROL.format(
+            version=version, architecture=architecture, maintainer=MAINTAINER, c_library=c_library(root / PLACE)
         )
+        build(root, control, FILES, epoch, target)
+
+
+def build(root: Path, control: str, scripts: Path, epoch: int, target: Path) -> None:
+    """Build a Debian package of a folder; equal files give equal octets.
+
+    root     the package's files; those in etc belong to the machine's owner. DEBIAN is added to it.
+    control  text of the control file; {size_kib} is replaced by the size of the files.
+    scripts  folder of those of SCRIPTS that the package has.
+    epoch    date of all files, Unix seconds.
+
+    Raises ImageError if a tool fails.
+    """
+    sizes = [path.stat().st_size for path in root.rglob("*") if path.is_file() and not path.is_symlink()]
+    _describe(root, control.format(size_kib=sum(sizes) // 1024), scripts)
+    for path in [root, *root.rglob("*")]:
+        if not path.is_symlink():
+            path.chmod(0o755 if path.is_dir() or path.stat().st_mode & 0o100 else 0o644)
+        os.utime(path, (epoch, epoch), follow_symlinks=False)
+    run(
+        ["dpkg-deb", "--root-owner-group", "-Zxz", "--build", root, target],
+        environment={"SOURCE_DATE_EPOCH": str(epoch)},
+    )
 
 
 def c_library(folder: Path) -> str:
@@ -103,27 +114,29 @@ def _lay_out(program: Path, documents: Mapping[str, bytes], root: Path) -> None:
     (root / "usr/bin").mkdir()
     (root / "usr/bin/captain").symlink_to("../lib/captain/captain")
     for name, place in PLACES.items():
-        _write(root / place, (FILES / name).read_bytes())
-    _write(root / UNIT, own_files.read(UNIT, own_files.PACKAGE).encode())
+        write(root / place, (FILES / name).read_bytes())
+    write(root / UNIT, own_files.read(UNIT, own_files.PACKAGE).encode())
     for name, octets in documents.items():
-        _write(root / DOCUMENTS / name, octets)
+        write(root / DOCUMENTS / name, octets)
 
 
-def _describe(root: Path, control: str) -> None:
+def _describe(root: Path, control: str, scripts: Path) -> None:
     paths = sorted(path for path in root.rglob("*") if path.is_file() and not path.is_symlink())
-    conffiles = [place for place in PLACES.values() if place.startswith("etc/")]
     sums = {path: hashlib.md5(path.read_bytes()).hexdigest() for path in paths}
     names = {path: path.relative_to(root).as_posix() for path in paths}
+    conffiles = [name for name in names.values() if name.startswith("etc/")]
     about = root / "DEBIAN"
-    _write(about / "control", control.encode())
-    _write(about / "conffiles", "".join(f"/{place}\n" for place in sorted(conffiles)).encode())
+    write(about / "control", control.encode())
+    write(about / "conffiles", "".join(f"/{name}\n" for name in conffiles).encode())
     rows = [f"{digest}  {names[path]}\n" for path, digest in sums.items() if names[path] not in conffiles]
-    _write(about / "md5sums", "".join(rows).encode())
-    for name in SCRIPTS:
-        _write(about / name, (FILES / name).read_bytes())
-        (about / name).chmod(0o755)
+    write(about / "md5sums", "".join(rows).encode())
+    for script in (scripts / name for name in SCRIPTS):
+        if script.exists():
+            write(about / script.name, script.read_bytes())
+            (about / script.name).chmod(0o755)
 
 
-def _write(path: Path, octets: bytes) -> None:
+def write(path: Path, octets: bytes) -> None:
+    """Write a file, and make its folders. Raises OSError if that fails."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(octets)

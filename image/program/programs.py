@@ -10,7 +10,7 @@ from image import checksum
 from image.description import Description
 from image.errors import ImageError
 from image.packages import Archive, Package, native_architecture, read_list, write_list
-from image.program import deb, freezing, frozen
+from image.program import box, deb, freezing, frozen
 from image.program.contents import layers
 from image.program.translated import C_LIBRARY
 from image.project import epoch, version
@@ -75,7 +75,7 @@ class Programs:
         self.steps.close()
 
     def make(self, to: Path, upgrade: bool = False) -> list[Artefact]:
-        """Make one file and one Debian package per processor, and run each once.
+        """Make one file and one Debian package per processor, and run each once; then captain-box for both.
 
         upgrade  use the newest packages instead of a kept set.
         """
@@ -89,7 +89,7 @@ class Programs:
             check_c_library(directory, chosen[processor.debian].packages)
             root = self.steps.folder / processor.debian / "freezer/root"
             made += _handed_out(directory, root.resolve(), processor, to)
-        return made
+        return [*made, of_box(to)]
 
     def _chosen(self, upgrade: bool) -> dict[str, freezing.Chosen]:
         """Choose packages by architecture, fetch them, and verify their hashes."""
@@ -145,6 +145,13 @@ def _handed_out(directory: Path, root: Path, processor: frozen.Processor, to: Pa
         frozen.run_inside(root, [inside / name, "--version"]).strip() for name in ("usr/bin/captain", "program")
     )
     return [Artefact(program, layers.MOST_MB_OF_FILE, of_file), of_directory(package, directory, of_package)]
+
+
+def of_box(to: Path) -> Artefact:
+    """Make the Debian package captain-box in a folder. Raises ImageError if that fails."""
+    package = to / f"{box.NAME}_{version()}_all.deb"
+    box.make(version(), epoch(), package)
+    return Artefact(package)
 
 
 def of_directory(package: Path, directory: Path, said: str) -> Artefact:

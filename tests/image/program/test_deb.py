@@ -1,7 +1,5 @@
 """The Debian package: installed into a root of its own by dpkg, which runs its scripts."""
 
-import os
-import platform
 import shutil
 import stat
 from pathlib import Path
@@ -11,51 +9,7 @@ import pytest
 from image.errors import ImageError
 from image.program import deb
 from image.tool import run
-
-MACHINE = {"x86_64": "amd64", "aarch64": "arm64"}[platform.machine()]
-PROGRAM = '#include <stdio.h>\nint main(void) { return puts("captain 1.2.3") < 0; }\n'
-DOCUMENTS = {"copyright": b"licence\n", "licences/zmq/LICENSE": b"other licence\n"}
-# dpkg has to be root, or believe to be.
-AS_ROOT = [] if os.geteuid() == 0 else ["unshare", "--map-root-user"]
-
-
-@pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """captain as a directory, as the freezer makes it."""
-    folder = tmp_path_factory.mktemp("program") / "captain"
-    (folder / "_internal").mkdir(parents=True)
-    (folder / "_internal/base_library.zip").write_bytes(b"modules")
-    (folder.parent / "main.c").write_text(PROGRAM)
-    run(["gcc", "-o", folder / "captain", folder.parent / "main.c"])
-    (folder / "_internal/libx.so.1").symlink_to("../captain")
-    return folder
-
-
-def package(program: Path, target: Path, version: str = "1.2.3") -> Path:
-    deb.make(program, MACHINE, version, DOCUMENTS, 1_750_000_000, target)
-    return target
-
-
-@pytest.fixture(scope="module")
-def made(program: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return package(program, tmp_path_factory.mktemp("made") / "captain.deb")
-
-
-@pytest.fixture
-def root(tmp_path: Path) -> Path:
-    """An empty one, with the files that a system's users are in."""
-    folder = tmp_path / "root"
-    (folder / "etc").mkdir(parents=True)
-    for name in ("passwd", "shadow", "gshadow"):
-        (folder / "etc" / name).write_text("")
-    (folder / "etc/group").write_text("dialout:x:20:\ni2c:x:21:\n")
-    (folder / "var/lib/dpkg").mkdir(parents=True)
-    return folder
-
-
-def dpkg(root: Path, *words: str | Path) -> str:
-    options = ["--force-script-chrootless", "--force-depends", "--no-triggers", f"--log={root}/log"]
-    return run([*AS_ROOT, "dpkg", f"--root={root}", *options, *words])
+from tests.image.program.conftest import MACHINE, dpkg, package
 
 
 def test_the_same_program_gives_the_same_octets(program: Path, made: Path, tmp_path: Path):
@@ -115,16 +69,18 @@ def test_removed_it_leaves_the_owners_files_and_purged_none(made: Path, root: Pa
     dpkg(root, "--purge", "captain")
     assert not (root / "etc/captain").exists()
     assert not (root / "var/lib/captain").exists()
+    assert (root / "etc/passwd").read_text() == ""
+    assert (root / "etc/group").read_text() == "dialout:x:20:\ni2c:x:21:\n"
 
 
-@pytest.mark.parametrize("name", deb.SCRIPTS)
-def test_a_script_is_one_of_the_shell_that_every_debian_has(name: str):
-    text = (deb.FILES / name).read_text()
+@pytest.mark.parametrize("path", [path for name in deb.SCRIPTS for path in sorted(deb.FILES.rglob(name))])
+def test_a_script_is_one_of_the_shell_that_every_debian_has(path: Path):
+    text = path.read_text()
     assert text.startswith("#!/bin/sh\n")
     assert "set -e\n" in text
-    run(["sh", "-n", deb.FILES / name])
+    run(["sh", "-n", path])
     if shutil.which("dash"):
-        run(["dash", "-n", deb.FILES / name])
+        run(["dash", "-n", path])
 
 
 def test_scripts_are_run_and_files_of_the_owner_are_named(made: Path, tmp_path: Path):
