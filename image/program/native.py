@@ -13,7 +13,10 @@ from image.project import PROJECT, epoch, version
 from image.tool import run
 
 BUILT = PROJECT / "build/deb"
-_PYTHON = "import sysconfig; print(*(sysconfig.get_path(name) for name in ('purelib', 'stdlib')), sep='\\n')"
+_PYTHON = """
+import sysconfig
+print(sysconfig.get_path("purelib"), sysconfig.get_path("stdlib"), sysconfig.get_config_var("MULTIARCH"), sep="\\n")
+"""
 
 
 def make(directory: Path, python: Path, to: Path = BUILT) -> list[Artefact]:
@@ -42,13 +45,13 @@ def documents(directory: Path, python: Path) -> dict[str, bytes]:
 
     Raises ImageError if Python or dpkg does not run.
     """
-    site, library = map(Path, run([python, "-c", _PYTHON]).split())
+    site, library, processor = run([python, "-c", _PYTHON]).splitlines()
     names = sorted(path.name for path in (directory / layers.INSIDE).glob("lib*.so*"))
     # dpkg fails if a library is of no package, such as that of an interpreter in /usr/local.
-    owners = run(["sh", "-c", 'dpkg --search "$@" || :', "sh", *(f"*/{name}" for name in names)])
+    owners = run(["sh", "-c", 'dpkg --search "$@" || :', "sh", *(f"*/lib/{processor}/{name}" for name in names)])
     notices = [Path(f"/usr/share/doc/{name}/copyright") for name in licences.of_libraries(directory, owners)]
-    notices.append(library / "LICENSE.txt")
-    return licences.documents(directory, site, [path for path in notices if path.exists()])
+    notices.append(Path(library) / "LICENSE.txt")
+    return licences.documents(directory, Path(site), [path for path in notices if path.exists()])
 
 
 def main() -> int:
