@@ -32,7 +32,7 @@ Version: {version}
 Architecture: {architecture}
 Maintainer: {maintainer}
 Installed-Size: {{size_kib}}
-Depends: libc6 (>= {c_library}), passwd
+Depends: libc6 (>= {c_library}), passwd, procps
 Recommends: chrony
 Section: net
 Priority: optional

@@ -19,7 +19,7 @@ MADE = PROJECT / "build/programs"
 RESULTS = PROJECT / "build/programs-test/results.json"
 SUITES = {"bookworm": "Debian 12", "trixie": "Debian 13"}
 SHORT = ("bookworm",)  # the oldest, which has the least of what a program may ask for
-DECLARED = ["passwd"]  # beside the C library, which every root has
+DECLARED = ["passwd", "procps"]  # beside the C library, which every root has
 # A CAM of a public example (asn1tools), and what another decoder reads in it.
 CAM = "02029b260aa393e6005a6f0da4ae7bfb35a238230a6a3d4290581a90a3f67e02e6928b37fee9fea6103fdf93d980"
 VALUES = (
