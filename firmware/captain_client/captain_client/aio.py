@@ -18,7 +18,7 @@ from typing import Any, Generic, TypeVar
 from captain_client import control
 from captain_client.address import Address, parse
 from captain_client.aio_link import Inlet, Link
-from captain_client.arguments import check_path, check_seconds
+from captain_client.arguments import check_path, check_seconds, check_text
 from captain_client.message import Message
 from captain_client.reception import Reception, Tally
 from captain_client.reports import Frame, frame_of, object_of
@@ -138,6 +138,7 @@ class Station:
 
     async def trigger(self, text: str) -> None:
         """Trigger the recorder. Raises RefusedError and StationError as captain_client.Station.trigger()."""
+        check_text("text", text)
         await self._ask("record", control.COMMAND_S, text=text)
 
     async def reload_policy(self) -> None:

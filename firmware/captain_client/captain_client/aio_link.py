@@ -11,7 +11,7 @@ import zmq
 import zmq.asyncio
 
 from captain_client.address import Address
-from captain_client.errors import UnreachableError
+from captain_client.errors import StationError, UnreachableError
 from captain_client.link import PROBE_S
 from captain_client.requests import STATUS, Outgoing, Request, Requests
 from captain_client.sockets import (
@@ -19,6 +19,7 @@ from captain_client.sockets import (
     CONFIRM,
     HIGH_WATER,
     HIGH_WATER_OF_REPORTS,
+    OPEN,
     ask_for_status,
     check_open,
     connect,
@@ -108,6 +109,7 @@ class Link:
         self._address = address
         self._requests = Requests()
         self._context = zmq.asyncio.Context()
+        OPEN.add(self._context)
         self._reader: asyncio.Task[None] | None = None
         self._inlets = WeakSet[Inlet]()
         self._proof = 1  # number of the status that proves the subscriptions of _reports
@@ -120,6 +122,7 @@ class Link:
             self._plain_push: zmq.Socket[bytes] = zmq.Socket.shadow(self._push)
         except BaseException:
             self._context.destroy()
+            OPEN.discard(self._context)
             raise
 
     async def join(self) -> None:
@@ -144,14 +147,18 @@ class Link:
         for inlet in self._inlets:
             inlet.close()
         self._requests.close()
+        OPEN.discard(self._context)
         await asyncio.to_thread(self._context.term)  # waits up to LINGER_MS for requests that are not yet written
 
     async def send(self, kind: str, out: Outgoing) -> Request:
         """Send a request.
 
-        Raises UnreachableError if the station does not take it in time, and StationError after close().
+        Raises UnreachableError if the station does not take it in time. Raises StationError before join() and after
+        close().
         """
         check_open(self._push)
+        if self._reader is None:
+            raise StationError("the client is not connected", "use it in `async with`")
         deadline = time.monotonic() + self.timeout_s
         while True:
             await self._writable(deadline)

@@ -1,5 +1,6 @@
 """Blocking link to a station: sockets for requests, confirms and subscriptions, without threads."""
 
+import os
 import socket
 import time
 from collections.abc import Iterator
@@ -7,12 +8,13 @@ from collections.abc import Iterator
 import zmq
 
 from captain_client.address import Address
-from captain_client.errors import UnreachableError
+from captain_client.errors import StationError, UnreachableError
 from captain_client.requests import STATUS, Outgoing, Request, Requests
 from captain_client.sockets import (
     AT_ONCE,
     CONFIRM,
     HIGH_WATER_OF_REPORTS,
+    OPEN,
     ask_for_status,
     check_open,
     connect,
@@ -38,8 +40,10 @@ class Link:
         self._address = address
         self._timeout_s = timeout_s
         self._requests = Requests()
+        self._process = os.getpid()
         self._proof = 1  # number of the status that proves the subscriptions of _reports
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        OPEN.add(self._context)
         try:
             self._reports = self._context.socket(zmq.SUB)
             connect(self._reports, address.url(address.report), CONFIRM, STATUS, most=HIGH_WATER_OF_REPORTS)
@@ -55,6 +59,7 @@ class Link:
 
     def close(self) -> None:
         self._context.destroy()
+        OPEN.discard(self._context)
         self._requests.close()
 
     def send(self, kind: str, out: Outgoing) -> Request:
@@ -62,7 +67,7 @@ class Link:
 
         Raises UnreachableError if the station does not take it in time, and StationError after close().
         """
-        check_open(self._push)
+        self._check_use(self._push)
         deadline = time.monotonic() + self._timeout_s
         self._take_reports()
         while True:
@@ -72,7 +77,8 @@ class Link:
                 return request
 
     def wait_for(self, request: Request, timeout_s: float) -> None:
-        """Read confirms until a request is over, at most timeout_s seconds."""
+        """Read confirms until a request is over, at most timeout_s seconds. Raises StationError in a child process."""
+        self._check_process()
         deadline = time.monotonic() + timeout_s
         while not request.is_over:
             self._take_reports()
@@ -85,7 +91,7 @@ class Link:
 
         Raises StationError after close().
         """
-        check_open(self._push)
+        self._check_use(self._push)
         end = self._context.socket(zmq.SUB)
         connect(end, self._address.url(self._address.report), *topics, STATUS)
         return end
@@ -107,7 +113,7 @@ class Link:
 
         Raises StationError if the socket is closed.
         """
-        check_open(end)
+        self._check_use(end)
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         poller = zmq.Poller()
         poller.register(end, zmq.POLLIN)
@@ -126,6 +132,15 @@ class Link:
         except (OSError, UnicodeError) as error:  # UnicodeError: an invalid host name
             return unreachable(self._address, port, getattr(error, "strerror", None) or str(error))
         return unreachable(self._address, port, "")
+
+    def _check_use(self, end: "zmq.Socket[bytes]") -> None:
+        check_open(end)
+        self._check_process()
+
+    def _check_process(self) -> None:
+        """Raise StationError in a child process: it has no thread of libzmq, and would wait without end."""
+        if os.getpid() != self._process:
+            raise StationError(f"the client is that of process {self._process}", "create a Station in each process")
 
     def _writable(self, deadline: float) -> None:
         """Wait for the connection to the PULL port. Raises UnreachableError at the deadline."""

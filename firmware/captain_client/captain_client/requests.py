@@ -9,6 +9,7 @@ import os
 import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from reprlib import repr as short
 from typing import Any, NamedTuple
 
 from captain_client.arguments import check_mapping, check_text, faults
@@ -19,7 +20,7 @@ MOST_OPEN = 10_000  # open requests: far above what a station confirms in a seco
 MOST_OCTETS = 0xFFFF  # libzmq in the station ends the connection at a longer frame, and the message is lost
 FORMS = ("json", "plain")
 STATUS = b"status."
-TYPE = re.compile(r"[a-z0-9_]*")
+TYPE = re.compile(r"[a-z0-9_]{0,255}")
 
 
 class Confirmed(NamedTuple):
@@ -82,16 +83,20 @@ def outgoing(
         told = {"edition": edition} if edition else {}
         name, content = ("fields", fields) if value is None else ("message", value)
         body = _octets({**told, name: dict(content)}, content)
-    if len(body) > MOST_OCTETS:
-        raise ValueError(f"{len(body)} octets; at most {MOST_OCTETS}")
+    _check_length("message", body)
     return Outgoing(envelope.encode(), body, asked)
 
 
 def check_type(kind: str) -> str:
     """Return a message type. Raises ValueError if it is invalid."""
     if not TYPE.fullmatch(kind):
-        raise ValueError(f"{kind!r}: invalid message type; lower case, such as cam")
+        raise ValueError(f"{short(kind)}: invalid message type; lower case, such as cam")
     return kind
+
+
+def _check_length(name: str, frame: bytes) -> None:
+    if len(frame) > MOST_OCTETS:
+        raise ValueError(f"{name}: {len(frame)} octets; at most {MOST_OCTETS}")
 
 
 def _octets(value: dict[str, Any], content: Mapping[str, Any], path: str = "") -> bytes:
@@ -203,8 +208,7 @@ class Requests:
     def open(self, kind: str, out: Outgoing) -> tuple[Request, list[bytes]]:
         """Return a new open request and its frames.
 
-        Raises ValueError if its label is invalid, if a request with this label is open, or if JSON does not have an
-        option.
+        Raises ValueError if its label is invalid or that of an open request, or if the options are invalid or too long.
         """
         self._count += 1
         label = out.options.get("label", f"{self._token}-{self._count}")
@@ -213,6 +217,7 @@ class Requests:
         if label in self._open:
             raise ValueError(f"label: {label!r}: a request with this label is open")
         options = _octets({**out.options, "label": label}, out.options, "options")
+        _check_length("options", options)
         if len(self._open) >= self._most:
             self._open.pop(next(iter(self._open))).end(f"more than {self._most} requests are open")
         request = self._open[label] = Request(label, kind, self.run)

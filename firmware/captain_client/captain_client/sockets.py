@@ -22,6 +22,9 @@ MOST_OCTETS = 1 << 20  # longest frame; a status of a hundred interfaces has 100
 HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 1_000, 3_000
 CONFIRM = b"confirm."
 ENDS = "inproc://ends"  # events of libzmq: ends of the connections of the PUSH socket
+# The collector may end a context before its sockets, and libzmq then waits for them without end. A client that its
+# program does not close stays here until the end of the process.
+OPEN: set["zmq.Context[Any]"] = set()
 AT_ONCE = 256  # messages that are read before the program goes on
 
 

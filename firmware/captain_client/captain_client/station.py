@@ -16,7 +16,7 @@ import zmq
 
 from captain_client import control
 from captain_client.address import Address, parse
-from captain_client.arguments import check_path, check_seconds
+from captain_client.arguments import check_path, check_seconds, check_text
 from captain_client.link import Link
 from captain_client.message import Message
 from captain_client.reception import Reception, Tally
@@ -146,8 +146,10 @@ class Station:
     def trigger(self, text: str) -> None:
         """Tell the recorder to keep its recent recording. text: reason.
 
-        Raises RefusedError if the station has no recorder, and StationError if it is not on this machine.
+        Raises RefusedError if the station has no recorder, and StationError if it is not on this machine. Raises
+        ValueError for another type of text.
         """
+        check_text("text", text)
         control.ask(control.path_of(self.address, self._control), "record", text=text)
 
     def reload_policy(self) -> None:

@@ -3,7 +3,10 @@
 import asyncio
 import gc
 import math
+import os
 import re
+import subprocess
+import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
@@ -215,6 +218,72 @@ def test_confirmed_with_an_invalid_timeout_names_it(double: Double, timeout_s: A
         box.send("cam", PDU).confirmed(timeout_s)
     with pytest.raises(ValueError, match=f"^timeout_s: {re.escape(repr(timeout_s))} is not"):
         asyncio.run(use())
+
+
+# -- use in a child process
+
+
+def test_use_of_a_client_in_a_child_process_raises_station_error(double: Double):
+    with connected(double) as box:
+        cams, sent = welcomed(double, box.listen), box.send("cam", PDU)
+        uses: list[Callable[[], object]] = [lambda: box.send("cam", PDU), box.listen, cams.__next__, sent.confirmed]
+        if (child := os.fork()) == 0:
+            errors = 0
+            for use in uses:
+                try:
+                    use()
+                except StationError as error:
+                    errors += "create a Station in each process" in str(error)
+            os._exit(errors)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == len(uses)
+        confirm_as_sent(double, sent.label)
+        assert sent.confirmed().sent == ("g5",)
+
+
+# -- use before the block, and without close
+
+UNCLOSED = """
+import asyncio, gc, sys
+import captain_client
+from captain_client import aio
+
+class Ring:
+    def __init__(self, box):
+        self.box, self.ring = box, self
+
+async def main():
+    box = Ring(aio.Station(sys.argv[1])).box
+    await box.__aenter__()
+    await box.send("cam", bytes(8))
+
+asyncio.run(main())
+box = Ring(captain_client.Station(sys.argv[1])).box
+box.ring = Ring(box.listen("cam"))
+box.send("cam", bytes(8))
+del box
+gc.collect()
+"""
+
+
+def test_program_that_closes_no_client_ends(double: Double):
+    command = [sys.executable, "-c", UNCLOSED, double.address]
+    with subprocess.Popen(command) as child:
+        for _ in range(3):
+            double.welcome()
+        try:
+            assert child.wait(PATIENCE) == 0
+        finally:
+            child.kill()
+
+
+def test_asyncio_send_before_the_block_says_to_use_it(double: Double):
+    async def use() -> None:
+        box = aio.Station(double.address)
+        with pytest.raises(StationError, match="async with"):
+            await box.send("cam", PDU)
+        await box.close()
+
+    asyncio.run(use())
 
 
 # -- use after close

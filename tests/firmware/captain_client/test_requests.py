@@ -120,6 +120,12 @@ def test_argument_of_a_wrong_type_is_named_with_its_value(arguments: Any, said: 
         outgoing(*arguments, {})
 
 
+@pytest.mark.parametrize("options", [{"label": "x" * 65_536}, {"interfaces": ["x" * 65_536]}])
+def test_options_that_are_too_long_raise_value_error(options: dict[str, Any]):
+    with pytest.raises(ValueError, match=r"^options: \d+ octets; at most 65535"):
+        opened(Requests(), **options)
+
+
 @pytest.mark.parametrize("value", [PDU, {"cam": {}}, None])
 def test_request_with_a_form_in_its_options_raises_value_error(value: Any):
     with pytest.raises(ValueError, match="form"):

@@ -115,7 +115,7 @@ def test_listen_ends_when_no_message_arrives_within_the_timeout(box: Station):
     assert list(box.listen("spatem", timeout_s=0.05)) == []
 
 
-@pytest.mark.parametrize("kind", ["CAM", "cam.", "cam-1.4.1"])
+@pytest.mark.parametrize("kind", ["CAM", "cam.", "cam-1.4.1", "x" * 256])
 def test_listen_to_an_invalid_type_raises_value_error(box: Station, kind: str):
     with pytest.raises(ValueError, match="invalid message type"):
         box.listen(kind)
@@ -157,6 +157,8 @@ def test_reload_reads_the_policy_again(box: Station, bench: Bench):
 def test_trigger_without_a_recorder_is_refused(box: Station):
     with pytest.raises(RefusedError, match="no recorder"):
         box.trigger("near miss")
+    with pytest.raises(ValueError, match=r"^text: b'near miss' is not a text"):
+        box.trigger(b"near miss")  # type: ignore[arg-type]
 
 
 # -- failures
