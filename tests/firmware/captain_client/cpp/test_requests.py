@@ -40,6 +40,15 @@ def test_send_pdu_writes_its_octets(double: Double, driver: Driver) -> None:
     assert double.take()[0] == b"v2x."
 
 
+@pytest.mark.parametrize("request_", [{"fields": {"speed": "x" * 65_536}}, {"options": {"interfaces": ["x" * 65_536]}}])
+def test_frame_that_is_too_long_is_an_error(double: Double, driver: Driver, request_: dict[str, object]) -> None:
+    driver.tell("send", type="cam", **request_)
+    answer = driver.line()
+    assert (answer["error"], "too long; the limit is 65535" in answer["what"]) == ("error", True)
+    driver.ask("send", type="cam")
+    assert double.take()[0] == b"v2x.cam."
+
+
 def test_program_that_sends_and_ends_at_once_loses_nothing(program: Path, double: Double) -> None:
     driver = Driver(program, double.address)
     double.welcome()

@@ -64,12 +64,12 @@ public:
     /// Send a request and return it. Throws UnreachableError if the station does not take it, Error if it is too long.
     std::shared_ptr<Request> send(const std::string &type, const void *body, std::size_t octets, nlohmann::json options)
     {
-        if (octets > most_octets)
-            throw Error(type + ": " + std::to_string(octets) + " octets; too long", "the limit is " + std::to_string(most_octets));
+        check_length(type, octets);
         wait_for_push();
         const auto request = requests_.open(type, std::chrono::steady_clock::now());
         options["label"] = request->label;
         const std::string envelope = type.empty() ? "v2x." : "v2x." + type + ".", last = options.dump();
+        check_length(type + ": options", last.size());
         if (!sends(zmq::buffer(envelope), zmq::send_flags::sndmore))
             throw unreachable(address_.push());
         // If the connection ends meanwhile, libzmq discards the remaining frames, which it must get for this purpose.
@@ -165,6 +165,12 @@ private:
         if (is_interrupted_)
             wait_for_status(statuses_);
         is_interrupted_ = false;
+    }
+
+    static void check_length(const std::string &what, std::size_t octets)
+    {
+        if (octets > most_octets)
+            throw Error(what + ": " + std::to_string(octets) + " octets; too long", "the limit is " + std::to_string(most_octets));
     }
 
     bool sends(zmq::const_buffer frame, zmq::send_flags flags)
