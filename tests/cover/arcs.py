@@ -2,7 +2,8 @@
 
 usage: python -m tests.cover.arcs [--names] [--tests PATH ...] COMMIT; make arcs BEFORE=COMMIT
 
-COMMIT   an earlier one, which is checked out and set up in build/bench/before.
+COMMIT   an earlier one, which is checked out and set up in build/bench/before. Its report is kept in build/cover, because
+         its tests take as long as those of this tree: a quarter of an hour.
 --names  prints the branches that were taken before and are not now, though they are still there.
 --tests  files and folders of tests. Default: all that run in this process; tests/system starts stations.
 
@@ -15,9 +16,13 @@ or moved to another top folder. It never counts as lost then, whatever the tests
 
 import argparse
 import ast
+import hashlib
+import json
+import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tests import earlier
 from tests.cover.measured import TestsFailedError, measure
@@ -57,8 +62,8 @@ def main() -> int:
     parser.add_argument("--tests", nargs="+", default=IN_PROCESS)
     asked = parser.parse_args()
     try:
-        trees = (earlier.check_out(asked.commit, "setup-test"), earlier.ROOT)
-        before, now = (folders_of(root, asked.tests) for root in trees)
+        before = folders_of(earlier.check_out(asked.commit, "setup-test"), report_of(asked.commit, asked.tests))
+        now = folders_of(earlier.ROOT, measure(earlier.ROOT, OURS, asked.tests))
     except TestsFailedError as error:
         print(f"the tests did not run: {error}", file=sys.stderr)
         return 2
@@ -79,13 +84,25 @@ def main() -> int:
 NONE = Arcs(frozenset(), frozenset())
 
 
-def folders_of(root: Path, tests: list[str]) -> dict[str, Arcs]:
-    """Measures a tree: its arcs by top folder.
+def report_of(commit: str, tests: Sequence[str]) -> dict[str, Any]:
+    """Return coverage's report on an earlier commit, from build/cover if it was measured before.
 
     Raises TestsFailedError where its tests did not run.
     """
+    words = ["git", "-C", str(earlier.TREE), "rev-parse", "HEAD"]
+    measured = subprocess.run(words, capture_output=True, text=True, check=True).stdout + " ".join(tests)
+    kept = earlier.ROOT / "build/cover" / f"{commit}-{hashlib.sha256(measured.encode()).hexdigest()[:8]}.json"
+    if not kept.exists():
+        report = measure(earlier.TREE, OURS, tests)
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        kept.write_text(json.dumps(report))
+    return dict(json.loads(kept.read_text()))
+
+
+def folders_of(root: Path, report: dict[str, Any]) -> dict[str, Arcs]:
+    """Return the arcs of a tree by top folder, by coverage's report."""
     found: dict[str, tuple[set[Arc], set[Arc]]] = {}
-    for name, file in measure(root, OURS, tests)["files"].items():
+    for name, file in report["files"].items():
         taken, every = found.setdefault(name.split("/")[0], (set(), set()))
         source = Source((root / name).read_text())
         taken.update(map(source.arc, file["executed_branches"]))
