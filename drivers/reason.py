@@ -153,7 +153,7 @@ MEANING: dict[Reason, str] = {
     Reason.TOPIC: "the broker sent a topic that is outside the profile's templates",
     Reason.PAYLOAD: "its payload is not of the form that the profile of the broker has, or above 64 KiB",
     Reason.RETAINED: "the broker had retained it; its age is unknown",
-    Reason.DELIVERY_LIMIT: "over 4,000 messages of a type in a second; topic `message.` has no more; port 5556 has",
+    Reason.DELIVERY_LIMIT: "over 8,000 messages of a type in a second; topic `message.` has no more; port 5556 has",
     Reason.SUBSCRIBER_SLOW: "a subscriber fell behind; it alone loses messages until it has read half of its queue",
     Reason.CONNECTIONS: "too many connections; of the address with most, the oldest unused one was ended",
     Reason.TOPICS: "a subscriber has too many topics, or one of more than 256 octets; its connection was ended",

@@ -1,22 +1,24 @@
-"""Received messages of a station, limited by type, station, count and duration."""
+"""Received messages of a station, limited by type, station, count and duration: of port 5556 or 5558."""
 
 import argparse
 import time
-from collections.abc import Callable, Iterable, Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import zmq
 
 from board.runtime.errors import StationError
 from firmware.client import client
 from firmware.client.arguments import integer, message_type, seconds, times
-from firmware.client.marks import Marks
-from firmware.client.received import Message, Pairing
+from firmware.client.received import Heard
 
 # Redrawing a table more often is not readable and costs processor time.
 REDRAW_S = 0.5
 
 HIGHEST_STATION_ID = 0xFFFFFFFF
+
+M = TypeVar("M", bound=Heard)
+M_co = TypeVar("M_co", bound=Heard, covariant=True)
 
 
 class ListenFilter(NamedTuple):
@@ -61,24 +63,28 @@ def wish_of(options: argparse.Namespace) -> ListenFilter:
     return ListenFilter(frozenset(options.type), frozenset(options.station_id), options.count, options.duration)
 
 
-class Listening:
+class Reader(Protocol[M_co]):
+    """Reader of the messages of a port: Pairing of 5556, Delivered of 5558."""
+
+    def feed(self, frames: list[bytes]) -> M_co | None:
+        """Take one ZeroMQ message, and return a received message if this completes it."""
+
+
+class Listening(Generic[M]):
     """Selected messages of one subscription to a station.
 
     messages() calls `idle` at least every REDRAW_S, so that a table can be redrawn while no message arrives.
 
-    on_heard  called at the first message of any kind, including heartbeats.
-    marks     the station's marks for implausible messages; None: messages are yielded unmarked.
+    address   host and port of the subscription.
+    on_heard  called at the first message of any kind, including heartbeats and statuses.
     """
 
-    def __init__(
-        self, subscriber: client.Socket, place: client.Address, wish: ListenFilter, marks: Marks | None = None
-    ) -> None:
-        self._marks = marks
-        self.pairing = Pairing()
+    def __init__(self, subscriber: client.Socket, address: str, wish: ListenFilter, reader: Reader[M]) -> None:
         self.on_heard: Callable[[], None] = lambda: None
-        self.place = place
+        self.address = address
         self.started = self.heard = time.monotonic()
         self._subscriber = subscriber
+        self._reader = reader
         self._poller = zmq.Poller()
         self._poller.register(subscriber, zmq.POLLIN)
         self._typed: Callable[[], bool] | None = None
@@ -90,12 +96,13 @@ class Listening:
         self._poller.register(descriptor, zmq.POLLIN)
         self._typed = typed
 
-    def messages(self, idle: Callable[[], None]) -> Iterator[Message]:
+    def messages(self, idle: Callable[[], None]) -> Iterator[M]:
         """Yield the selected messages until a limit of the filter is reached.
 
         idle  called at least every REDRAW_S.
 
-        Raises StationError if not even a heartbeat arrives within client.ANSWER_S: no station publishes at the port.
+        Raises StationError if not even a heartbeat or a status arrives within client.ANSWER_S: no station publishes at
+        the port.
         """
         count = 0
         wake = time.monotonic() + REDRAW_S
@@ -104,14 +111,14 @@ class Listening:
             ready = self._poller.poll(max(0, round((until - time.monotonic()) * 1000)) + 1)
             if self._typed is not None and any(one is not self._subscriber for one, _ in ready) and not self._typed():
                 return
-            for frames in self._waiting():
+            for frames in client.waiting(self._subscriber):
                 if self.heard == self.started:
                     self.on_heard()
                 self.heard = time.monotonic()
-                message = self.pairing.feed(frames)
+                message = self._reader.feed(frames)
                 if message is None or not self._is_wanted(message):
                     continue
-                yield message if self._marks is None else self._marks.marked(message)
+                yield message
                 count += 1
                 if count == self._wish.most:
                     return
@@ -120,23 +127,14 @@ class Listening:
                 idle()
                 wake = time.monotonic() + REDRAW_S
 
-    def _waiting(self) -> Iterable[list[bytes]]:
-        """Return the raw messages that have arrived, after reading the marks that belong to them."""
-        if self._marks is None:
-            return client.waiting(self._subscriber)
-        frames = list(client.waiting(self._subscriber))
-        if any(one[0].startswith(b"v2x.") for one in frames):
-            self._marks.look()
-        return frames
-
-    def _is_wanted(self, message: Message) -> bool:
+    def _is_wanted(self, message: M) -> bool:
         types, stations = self._wish.types, self._wish.stations
-        is_type = not types or not types.isdisjoint((message.type, message.message_id))
-        return is_type and (not stations or message.station_id in stations)
+        is_type = not types or not types.isdisjoint((message.type, *message.pdu[1:2]))  # octet 1 is the messageID
+        return is_type and (not stations or message.station in stations)
 
     @property
     def silent_s(self) -> float:
-        """Seconds since the last message or heartbeat; 0 while the station counts as present."""
+        """Seconds since the last message, heartbeat or status; 0 while the station counts as present."""
         silent = time.monotonic() - self.heard
         return silent if silent > client.ANSWER_S else 0.0
 
@@ -147,6 +145,6 @@ class Listening:
         """
         if self.silent_s and self.heard == self.started:
             raise StationError(
-                f"{self.place.host}:{self.place.to_users}: no heartbeat",
-                f"{client.FIRST_PORT}, or its port for users' SUB sockets with --to-users PORT",
+                f"{self.address}: no heartbeat and no status within {client.ANSWER_S:g} s",
+                f"{client.FIRST_PORT}, or its single ports with --to-users PORT and --report PORT",
             )

@@ -8,7 +8,7 @@ from bisect import bisect_left
 from collections.abc import Sequence
 
 from firmware.client.listening import Listening
-from firmware.client.received import Message
+from firmware.client.received import Delivered, Delivery
 from firmware.client.show.table import Screen, Table, plain, width_of
 from firmware.client.show.tally import HEADS, OTHERS, Tally, TallyRow, cells, doubt, order
 from firmware.codec.decoding import Decoder
@@ -26,14 +26,23 @@ class Live:
     A terminal is redrawn at each call; keys scroll to rows without room, and the uppermost row stays while other rows
     appear. Elsewhere the rows that changed are printed every second.
 
-    decoder   decodes the last messages; None: do not show their contents.
-    has_keys  the terminal has keys, which are passed to press().
+    delivered  reader of the messages, with the numbers of malformed and missed ones.
+    decoder    decodes the last messages; None: do not show their contents.
+    has_keys   the terminal has keys, which are passed to press().
     """
 
-    def __init__(self, screen: Screen, listening: Listening, decoder: Decoder | None, has_keys: bool = False) -> None:
+    def __init__(
+        self,
+        screen: Screen,
+        listening: Listening[Delivery],
+        delivered: Delivered,
+        decoder: Decoder | None,
+        has_keys: bool = False,
+    ) -> None:
         self._tally = Tally()
         self._screen = screen
         self._listening = listening
+        self._delivered = delivered
         self._decoder = decoder
         self._has_keys = has_keys
         self._marked = time.monotonic()
@@ -44,7 +53,7 @@ class Live:
     def total(self) -> int:
         return self._tally.total
 
-    def add(self, message: Message) -> None:
+    def add(self, message: Delivery) -> None:
         """Count a message and decode it, so that every undecodable message is detected."""
         is_bad = self._decoder is not None and isinstance(self._decoder.find(message.pdu, is_quick=True), Unknown)
         self._tally.add(message, time.monotonic(), is_bad)
@@ -126,16 +135,18 @@ class Live:
         return [f"{whose(row)}: {doubt(row)}" for row in rows if row.implausible][:EXPLAINED]
 
     def _title(self, now: float) -> str:
-        place, pairing = self._listening.place, self._listening.pairing
+        delivered = self._delivered
         parts = [
             time.strftime("%H:%M:%S"),
-            f"{place.host}:{place.to_users}",
+            self._listening.address,
             f"{self._tally.total} messages in {now - self._listening.started:.0f} s",
         ]
-        if pairing.rubbish:
-            parts.append(f"{pairing.rubbish} unreadable (last {pairing.sample.hex()})")
+        if delivered.missed:
+            parts.append(f"{delivered.missed} missed")
+        if delivered.rubbish:
+            parts.append(f"{delivered.rubbish} unreadable (last {delivered.sample.hex()})")
         if self._listening.silent_s:
-            parts.append(f"no heartbeat for {self._listening.silent_s:.0f} s")
+            parts.append(f"silent for {self._listening.silent_s:.0f} s")
         return "  ".join(parts)
 
 

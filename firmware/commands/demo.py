@@ -249,14 +249,14 @@ def _table(user: User, rows: Sequence[TallyRow], now: float, decoder: Decoder | 
 
 
 def _is_of_neighbour(row: TallyRow) -> bool:
-    return row.mac.hex(":") not in MAC.values()
+    return row.source not in MAC.values()
 
 
 def _sender(row: TallyRow) -> str:
     """Return the sender's name by the source address, which all users of a station share."""
-    if not row.mac:
+    if not row.source:
         return ""
-    return next((f"{name}'s user" for name, mac in MAC.items() if mac == row.mac.hex(":")), "neighbour")
+    return next((f"{name}'s user" for name, mac in MAC.items() if mac == row.source), "neighbour")
 
 
 def summary(users: Sequence[User]) -> list[str]:

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import re
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -9,13 +10,12 @@ from contextlib import ExitStack
 from typing import TypeAlias
 
 from board.runtime.errors import RequestError, UsageError
-from drivers.message import Position
+from drivers.message import NO_MAC
 from firmware.client import client
 from firmware.client.arguments import add_station, address
 from firmware.client.keyboard import Keyboard
 from firmware.client.listening import Listening, add_wish, wish_of
-from firmware.client.marks import Marks
-from firmware.client.received import Message
+from firmware.client.received import Delivered, Delivery
 from firmware.client.show.table import Screen, width_of
 from firmware.codec import fields, library, showing
 from firmware.codec.decoding import Decoder, UndecodableError, doubt_record, joined, refusal_record
@@ -42,6 +42,9 @@ and End scroll, q ends. Elsewhere the stations heard in the last second are
 printed every second, and all of them at the end. At most 1024 rows are kept:
 those silent longest are summed in the row `others`.
 
+Messages that this program missed are counted by the station's numbers, with
+those above 8,000 of a type per second.
+
 With --full and --fields, each message is shown instead. With --headers, or
 without the message library, the table has sizes in place of contents.
 """
@@ -63,13 +66,14 @@ JSON, one object per message; with --decode or --fields test `error` first:
   type, station_id, message_id, protocol_version, octets, hex. Values of the ITS
   PDU header are null if the PDU is too short.
 
-JSON of the reception, absent without RawRxMessage:
+JSON of the reception:
   received     Unix time in s
   rssi_dbm     signal strength; null if unknown
   data_rate    in 500 kbit/s
   latitude, longitude  of the sender, in degrees; null if unknown
   traffic_class, hop_limit, source_mac, security
-  implausible  list of reasons of the station's mark
+  implausible  list of reasons of the station's mark; absent without one
+  missed       number of messages of this type missed just before; absent if 0
 
 JSON with --decode or --fields:
   edition      edition of the message
@@ -89,7 +93,8 @@ exit codes:
   130  Ctrl-C
 """
 
-Show: TypeAlias = Callable[[Message], str]
+Show: TypeAlias = Callable[[Delivery], str]
+MAC = re.compile(r"(?:[0-9a-f]{2}:){5}[0-9a-f]{2}")  # the source of a message may also be a name at a broker
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -121,16 +126,15 @@ def main(arguments: argparse.Namespace) -> int:
     except RequestError as error:
         raise UsageError(f"--fields: {error.message}", error.hint) from error
     with client.session() as context:
-        # Without a selection, everything is subscribed, so that unexpected messages are seen too. For a messageID, all
-        # types are subscribed, since a station may give it any name.
-        types = [f"v2x.{kind}." if isinstance(kind, str) else "v2x." for kind in arguments.type]
-        topics = ["hb.", "raw.", *types] if types else [""]
-        subscriber = client.subscribe(context, place, place.to_users, *topics)
-        listening = Listening(subscriber, place, wish_of(arguments), Marks(context, place))
+        # For a messageID, all types are subscribed, since a station may give it any name.
+        types = [f"message.{kind}." if isinstance(kind, str) else "message." for kind in arguments.type]
+        subscriber = client.subscribe(context, place, place.report, *(types or ["message."]), "status.")
+        delivered = Delivered()
+        listening = Listening(subscriber, f"{place.host}:{place.report}", wish_of(arguments), delivered)
         if show is None:
-            _show_table(listening, None if arguments.headers else _decoder())
+            _show_table(listening, delivered, None if arguments.headers else _decoder())
         else:
-            _show_each(listening, show)
+            _show_each(listening, delivered, show)
     return 0
 
 
@@ -175,49 +179,50 @@ def _names(text: str) -> list[str]:
 # -- output of single messages
 
 
-def _show_each(listening: Listening, show: Show) -> None:
+def _show_each(listening: Listening[Delivery], delivered: Delivered, show: Show) -> None:
     told = False
 
     def idle() -> None:
         nonlocal told
         if (listening.silent_s > 0) != told:
             told = not told
-            print("captain: no heartbeat, waiting" if told else "captain: heartbeat again", file=sys.stderr)
+            print(f"captain: the station is {'silent, waiting' if told else 'heard again'}", file=sys.stderr)
 
-    for message in listening.messages(idle):
-        print(show(message), flush=True)
+    try:
+        for message in listening.messages(idle):
+            print(show(message), flush=True)
+    finally:
+        if delivered.missed:
+            print(f"captain: {delivered.missed} messages missed: this program was too slow", file=sys.stderr)
 
 
-def described(message: Message) -> dict[str, object]:
+def described(message: Delivery) -> dict[str, object]:
     """Return a message as an object for `--json`: header fields of the PDU, and metadata of the interface."""
-    pdu = message.pdu
+    pdu, position = message.pdu, message.position or {}
     found: dict[str, object] = {
         "type": message.type,
-        "station_id": message.station_id,
-        "message_id": message.message_id,
+        "station_id": message.station,
+        "message_id": pdu[1] if len(pdu) > 1 else None,
         "protocol_version": pdu[0] if pdu else None,
         "octets": len(pdu),
+        "received": message.received_ns // 1000 / 1e6,
+        "rssi_dbm": message.rssi_dbm,
+        "data_rate": message.data_rate,
+        "traffic_class": message.traffic_class,
+        "hop_limit": message.hop_limit,
+        "source_mac": message.source if MAC.fullmatch(message.source) else NO_MAC.hex(":"),
+        "security": message.security,
+        "latitude": position.get("latitude"),
+        "longitude": position.get("longitude"),
     }
-    if message.raw is not None:
-        rx = message.raw.rx
-        is_placed = rx.position != Position()  # 0, 0 means unknown in RawRxMessage
-        found |= {
-            "received": message.raw.received_ns // 1000 / 1e6,
-            "rssi_dbm": rx.rssi_dbm or None,  # 0 means unknown in RawRxMessage
-            "data_rate": rx.data_rate,
-            "traffic_class": rx.traffic_class,
-            "hop_limit": rx.hop_limit,
-            "source_mac": rx.source_mac.hex(":"),
-            "security": rx.security.status.name.lower(),
-            "latitude": rx.position.latitude / 1e7 if is_placed else None,
-            "longitude": rx.position.longitude / 1e7 if is_placed else None,
-        }
     if message.implausible:
         found["implausible"] = message.implausible
+    if message.missed:
+        found["missed"] = message.missed
     return found | {"hex": pdu.hex()}
 
 
-def _decoded(message: Message, decoder: Decoder, names: list[str] | None) -> str:
+def _decoded(message: Delivery, decoder: Decoder, names: list[str] | None) -> str:
     """Return a message as JSON with `edition` and `message` or `fields`, or with `error` and `hint`."""
     head = described(message)
     try:
@@ -231,7 +236,7 @@ def _decoded(message: Message, decoder: Decoder, names: list[str] | None) -> str
     return joined(head, "message", found.to_json(message.pdu))
 
 
-def _full(message: Message, decoder: Decoder) -> str:
+def _full(message: Delivery, decoder: Decoder) -> str:
     pdu = _pdu(message)
     try:
         return _doubt(message, "\n") + showing.tree(pdu, decoder.identify(pdu), width_of(sys.stdout))
@@ -239,7 +244,7 @@ def _full(message: Message, decoder: Decoder) -> str:
         return _refused(error) + "\n"
 
 
-def _line(message: Message, decoder: Decoder, names: list[str]) -> str:
+def _line(message: Delivery, decoder: Decoder, names: list[str]) -> str:
     pdu = _pdu(message)
     try:
         found = decoder.identify(pdu)
@@ -253,7 +258,7 @@ def _line(message: Message, decoder: Decoder, names: list[str]) -> str:
     return clean(f"{pdu.origin}{form}: {'  '.join(told)}")
 
 
-def _doubt(message: Message, end: str = "") -> str:
+def _doubt(message: Delivery, end: str = "") -> str:
     return f"! implausible: {', '.join(message.implausible)}{end}" if message.implausible else ""
 
 
@@ -262,23 +267,22 @@ def _refused(error: UndecodableError) -> str:
     return clean(f"{error.message}; {error.hint}: {error.pdu.octets.hex()}")
 
 
-def _pdu(message: Message) -> Pdu:
+def _pdu(message: Delivery) -> Pdu:
     """Return a message as a PDU whose origin is its time, type and station."""
-    received_ns = None if message.raw is None else message.raw.received_ns
-    now = time.time() if received_ns is None else received_ns / 1e9
+    now = message.received_ns / 1e9
     stamp = time.strftime("%H:%M:%S", time.localtime(now)) + f".{round(now % 1 * 1000) % 1000:03}"
-    whose = "-" if message.station_id is None else str(message.station_id)
-    return Pdu(message.pdu, f"{stamp} {message.type or '(no name)'} {whose}", when_ns=received_ns)
+    whose = "-" if message.station is None else str(message.station)
+    return Pdu(message.pdu, f"{stamp} {message.type or '(no name)'} {whose}", when_ns=message.received_ns)
 
 
 # -- output as a table
 
 
-def _show_table(listening: Listening, decoder: Decoder | None) -> None:
+def _show_table(listening: Listening[Delivery], delivered: Delivered, decoder: Decoder | None) -> None:
     with Screen() as screen, ExitStack() as ending:
         keyboard = ending.enter_context(Keyboard()) if screen.is_terminal else None
         has_keys = keyboard is not None and keyboard.is_there
-        live = Live(screen, listening, decoder, has_keys)
+        live = Live(screen, listening, delivered, decoder, has_keys)
         if keyboard is not None and has_keys:
             listening.watch(keyboard.fileno(), lambda: _typed(keyboard, live))
         for message in listening.messages(live):

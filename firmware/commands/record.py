@@ -13,6 +13,7 @@ from firmware import file_remedy
 from firmware.client import client
 from firmware.client.arguments import add_control, address, integer, number
 from firmware.client.listening import Listening, add_wish, wish_of
+from firmware.client.received import Message, Pairing
 from firmware.codec.library import load
 from firmware.recorder.ending import Ending
 from firmware.recorder.hearing import say
@@ -177,8 +178,9 @@ def _messages(arguments: argparse.Namespace) -> None:
     ):  # fmt: skip
         recording = Recording(stream, library)
         try:
-            listening = Listening(client.subscribe(context, place, place.to_users, ""), place, wish_of(arguments))
-            listening.on_heard = lambda: say(f"a station is heard at {place.host}:{place.to_users}")
+            subscriber = client.subscribe(context, place, place.to_users, "")
+            listening = Listening(subscriber, f"{place.host}:{place.to_users}", wish_of(arguments), Pairing())
+            listening.on_heard = lambda: say(f"a station is heard at {listening.address}")
             silence = Silence(listening)
 
             def idle() -> None:
@@ -203,7 +205,7 @@ def _messages(arguments: argparse.Namespace) -> None:
 class Silence:
     """Prints a note when the station falls silent, and when it is heard again."""
 
-    def __init__(self, listening: Listening) -> None:
+    def __init__(self, listening: Listening[Message]) -> None:
         self._listening = listening
         self._silent_s = 0.0
 

@@ -119,7 +119,7 @@ class Reflector:
 
         A probe already reflected here is ignored, even if a second reflector has sent it back again.
         """
-        if message.station_id != PROBES:
+        if message.station != PROBES:
             return
         while self._seen and came_ns - next(iter(self._seen.values())) > ECHO_S * 1e9:
             self._seen.popitem(last=False)

@@ -89,7 +89,7 @@ def cdr(message: Message, received_ns: int, sequence: int, edition: str) -> byte
     out += bytes(-len(out) % 8)
     out += _TIMES.pack(sequence, *_time(own_ns), *_time(received_ns))
     out += _REST.pack(
-        *_degrees(own), *_degrees(rx.position), message.station_id or 0, rx.btp_port or 0, rx.rssi_dbm or 0,
+        *_degrees(own), *_degrees(rx.position), message.station or 0, rx.btp_port or 0, rx.rssi_dbm or 0,
         rx.data_rate, rx.security.its_aid, message.message_id or 0, pdu[0] if pdu else 0, rx.traffic_class,
         rx.hop_limit, rx.security.status, rx.source_mac,
     )  # fmt: skip

@@ -125,7 +125,7 @@ PARTS = (
         "message",
         "message",
         _of(delivery_of, reception_of),
-        "Topic `message.<type>.`: every message that was delivered on port 5556, with its metadata; `message..` for a message without a known type. The third frame of the ZeroMQ message is the PDU. They are sent only to users whose subscription begins with `message.`. Above 4,000 a second they are only numbered.",
+        "Topic `message.<type>.`: every message that was delivered on port 5556, with its metadata; `message..` for a message without a known type. The third frame of the ZeroMQ message is the PDU. They are sent only to users whose subscription begins with `message.`. Above 8,000 of a type per second they are only numbered.",
     ),
     Part(
         "json, plain",

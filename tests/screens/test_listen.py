@@ -6,15 +6,16 @@ from typing import Any
 
 import pytest
 
-from drivers.message import Position, RxInfo
+from captain_client.reception import Reception, Tally
+from drivers.message import Implausible, RxInfo
 from drivers.sim import messages
 from drivers.sim.track import Motion
-from drivers.wire import raw
-from firmware.client.received import Message, Pairing
+from firmware.client.received import Delivered
 from firmware.client.show.table import Screen
 from firmware.codec.decoding import Decoder
 from firmware.codec.library import load
 from firmware.codec.live import Live
+from tests.firmware.commands.fake import delivered
 from tests.screens.terminal import Terminal, compare
 
 START = 1000.0
@@ -27,18 +28,17 @@ class Bench:
         self.now = START
         monkeypatch.setattr(time, "monotonic", lambda: self.now)
         monkeypatch.setattr(time, "strftime", lambda _form: "12:00:00")
-        place = SimpleNamespace(host="127.0.0.1", to_users=5556)
-        listening: Any = SimpleNamespace(place=place, pairing=Pairing(), started=START, silent_s=0)
-        self.live = Live(screen, listening, Decoder(load()) if is_decoded else None, has_keys=True)
+        listening: Any = SimpleNamespace(address="127.0.0.1:5558", started=START, silent_s=0)
+        self.live = Live(screen, listening, Delivered(), Decoder(load()) if is_decoded else None, has_keys=True)
 
-    def hear(self, kind: str, station: int, pdu: bytes = b"", **more: Any) -> None:
+    def hear(self, kind: str, station: int, pdu: bytes = b"", implausible: tuple[Implausible, ...] = ()) -> None:
         motion = Motion(487_660_000 + station * 100, 114_310_000, 420_000, 20_280, 4_250_000)
         path = [motion] * (messages.TRACE + 1)
         made = messages.cam(station, 1000, motion) if kind == "cam" else messages.denm(station, 1000, path, 1)
-        found = pdu or made
-        self.live.add(
-            Message(kind, found, raw.RawRx(found, 0, RxInfo(rssi_dbm=-70 - station % 20), Position()), **more)
-        )
+        report = delivered(kind, pdu or made, rx=RxInfo(rssi_dbm=-70 - station % 20, implausible=implausible))
+        message = Reception(Tally()).read(list(report))
+        assert message is not None
+        self.live.add(message)
 
     def second(self, kinds: dict[str, range], per_s: int = 2) -> None:
         """Each station is heard so many times in a second."""
@@ -71,7 +71,7 @@ def test_headers_alone_show_sizes(screen: Screen, terminal: Terminal, monkeypatc
     bench = Bench(screen, monkeypatch, is_decoded=False)
     for _ in range(3):
         bench.second({"cam": range(4711, 4713), "denm": range(4711, 4712)})
-    bench.hear("cam", 4711, implausible=("time", "source"))
+    bench.hear("cam", 4711, implausible=(Implausible.TIME, Implausible.SOURCE))
     compare("listen-headers", shown(bench, terminal))
 
 

@@ -26,6 +26,9 @@ class Message:
     source       MAC address of the sender, or its name at a broker; empty if unknown.
     position     latitude and longitude of the sender in degrees by the packet's header; None if unknown.
     security     result of the check of the signature, such as `none`.
+    data_rate    data rate in 500 kbit/s; 0 if unknown.
+    traffic_class  traffic class of the packet; 0 if unknown.
+    hop_limit    remaining hop limit of the packet; 0 if unknown.
     implausible  reasons why it is implausible; empty for a plausible message.
 
     Raises KeyError or TypeError if the object of the station is malformed.
@@ -43,6 +46,9 @@ class Message:
         self.source: str = told["source"]
         self.position: dict[str, float] | None = told["position"]
         self.security: str = told["security"]
+        self.data_rate: int = told["data_rate"]
+        self.traffic_class: int = told["traffic_class"]
+        self.hop_limit: int = told["hop_limit"]
         self.implausible: tuple[str, ...] = tuple(told.get("implausible", ()))
 
     def __repr__(self) -> str:

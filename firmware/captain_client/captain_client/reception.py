@@ -50,9 +50,14 @@ class Reception:
         self._tally = tally
         self._sequences = Sequences()
 
-    def begin(self, status: list[bytes]) -> None:
-        """Take the status that proves the subscription: later runs are counted from their first message."""
-        self._sequences.begin(str((object_of(status) or {}).get("run", "")))
+    def begin(self, status: list[bytes]) -> str:
+        """Take the status that proves the subscription: later runs are counted from their first message.
+
+        Return the run of the station; empty without one: a station of an older release.
+        """
+        run = str((object_of(status) or {}).get("run", ""))
+        self._sequences.begin(run)
+        return run
 
     def read(self, frames: list[bytes]) -> Message | None:
         """Return the message of a report of topic `message.`; count a malformed one, and return None.

@@ -4,7 +4,7 @@ from collections import Counter, deque
 from collections.abc import Sequence
 
 from firmware import topics
-from firmware.client.received import Message
+from firmware.client.received import Heard
 from firmware.client.show.table import span
 
 # Limit of rows: 200 stations around a busy junction, each with CAM, CPM, DENM and others. Beyond it, the row silent for
@@ -25,7 +25,7 @@ class TallyRow:
     """Counts of the messages of one type from one station.
 
     pdu          PDU of the last message.
-    mac          source address of the last message; empty if unknown.
+    source       sender of the last message: MAC address, or name at a broker; empty if unknown.
     bad          number of messages that do not decode.
     bad_pdu      PDU of the last message that does not decode.
     implausible  number of messages that the station has marked as implausible.
@@ -40,11 +40,11 @@ class TallyRow:
         "implausible",
         "last",
         "longest",
-        "mac",
         "pdu",
         "reasons",
         "rssi_dbm",
         "shortest",
+        "source",
         "station",
         "type",
     )
@@ -58,14 +58,14 @@ class TallyRow:
         self.longest = 0
         self.rssi_dbm: int | None = None
         self.pdu = b""
-        self.mac = b""
+        self.source = ""
         self.bad = 0
         self.bad_pdu = b""
         self.implausible = 0
         self.reasons: tuple[str, ...] = ()
         self._marks: deque[tuple[float, int]] = deque(maxlen=MARKS)
 
-    def add(self, message: Message, now: float, is_bad: bool) -> None:
+    def add(self, message: Heard, now: float, is_bad: bool) -> None:
         self.pdu = message.pdu
         if is_bad:
             self.bad += 1
@@ -76,9 +76,8 @@ class TallyRow:
         octets = len(message.pdu)
         self.shortest = min(self.shortest, octets) if self.count else octets
         self.longest = max(self.longest, octets)
-        if message.raw is not None:
-            self.rssi_dbm = message.raw.rx.rssi_dbm
-            self.mac = message.raw.rx.source_mac
+        self.rssi_dbm = message.rssi_dbm
+        self.source = message.source
         self.count += 1
         self.last = now
 
@@ -113,13 +112,13 @@ class Tally:
         self._rows: dict[tuple[str, int | None], TallyRow] = {}  # in order of their last message
         self._sums: dict[str, TallyRow] = {}
 
-    def add(self, message: Message, now: float, is_bad: bool = False) -> None:
+    def add(self, message: Heard, now: float, is_bad: bool = False) -> None:
         """Count a message.
 
         now     monotonic time in seconds.
         is_bad  the message does not decode.
         """
-        key = (message.type, message.station_id)
+        key = (message.type, message.station)
         row = self._rows.pop(key, None)
         if row is None:
             if len(self._rows) >= self._most:

@@ -1,4 +1,7 @@
-"""Messages to users on port 5556: all, or the first of each second."""
+"""Messages to users on port 5556: all, or the first of each second.
+
+The delay until port 5556 is measured. Topic `message.` of port 5558 has another delay, and a limit per second.
+"""
 
 import time
 from collections.abc import Iterator

@@ -23,6 +23,9 @@ TOLD: dict[str, Any] = {
     "source": "02:00:00:00:00:0b",
     "position": {"latitude": 48.7668, "longitude": 11.4321},
     "security": "none",
+    "data_rate": 12,
+    "traffic_class": 2,
+    "hop_limit": 1,
 }
 
 

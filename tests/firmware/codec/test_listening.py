@@ -4,31 +4,24 @@ import json
 
 import pytest
 
-from drivers.message import RxInfo
-from drivers.wire import raw
 from firmware import cli
 from firmware.codec import fields
 from tests.firmware.codec.standin import DOOR, NEW, octets
-from tests.firmware.commands.fake import FakeStation
+from tests.firmware.commands.fake import FakeStation, Frames, delivered
 from tests.said import tells
 
 GOOD = octets(DOOR, 1, 2, 3)
 BAD = octets(DOOR, 1, 99, 3)
-RECEIVED_NS = 1795182426_461613000
 
 
-def on_air(kind: str, pdu: bytes) -> list[tuple[bytes, bytes]]:
-    return [(b"raw.", raw.build(pdu, RECEIVED_NS, RxInfo())), (b"v2x.%s." % kind.encode(), pdu)]
-
-
-def listened(received: list[tuple[bytes, bytes]], *options: str) -> int:
-    with FakeStation(received) as station:
+def listened(reports: list[Frames], *options: str) -> int:
+    with FakeStation(reports=reports) as station:
         return cli.main(["listen", *station.options, *options])
 
 
 def test_the_table_says_what_the_last_message_of_each_station_says(standin, capsys, monkeypatch):
     monkeypatch.setitem(fields.LOOKS, "door", (lambda *_: "wide open",))
-    assert listened(on_air("door", GOOD), "--count", "1") == 0
+    assert listened([delivered("door", GOOD)], "--count", "1") == 0
     said = capsys.readouterr().out
     assert "type  station  count  per s  dBm    ago  says" in said
     assert "0.0 s  wide open" in said
@@ -41,12 +34,12 @@ def test_message_that_cannot_be_looked_at_is_marked_and_the_table_continues(stan
         raise error
 
     monkeypatch.setitem(fields.LOOKS, "door", (look,))
-    assert listened(on_air("door", GOOD), "--count", "1") == 0
+    assert listened([delivered("door", GOOD)], "--count", "1") == 0
     assert "0.0 s  ! no digits" in capsys.readouterr().out
 
 
 def test_a_message_that_does_not_decode_is_in_the_table_with_the_reason(standin, capsys):
-    assert listened(on_air("door", GOOD) + on_air("door", BAD), "--count", "2") == 0
+    assert listened([delivered("door", GOOD), delivered("door", BAD)], "--count", "2") == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "door 1337 2 - 0.0 s ! 1 bad: bo" in said
     assert (
@@ -56,12 +49,12 @@ def test_a_message_that_does_not_decode_is_in_the_table_with_the_reason(standin,
 
 
 def test_one_bad_message_among_good_ones_stays_visible(standin, capsys):
-    assert listened(on_air("door", BAD) + on_air("door", GOOD), "--count", "2") == 0
+    assert listened([delivered("door", BAD), delivered("door", GOOD)], "--count", "2") == 0
     assert "! 1 bad" in capsys.readouterr().out
 
 
 def test_without_the_library_the_table_has_headers_only(without_library, capsys):
-    assert listened(on_air("door", BAD), "--count", "1") == 0
+    assert listened([delivered("door", BAD)], "--count", "1") == 0
     said = capsys.readouterr().out
     assert "octets" in said
     assert "says" not in said
@@ -96,7 +89,7 @@ def test_fields_that_are_asked_for_need_the_library(without_library, capsys, opt
 
 
 def test_json_lines_carry_the_decoded_message_or_the_reason(standin, capsys):
-    air = on_air("door", GOOD) + on_air("door", BAD) + [(b"v2x.ball.", octets(NEW, 1, 2))]
+    air = [delivered("door", GOOD), delivered("door", BAD), delivered("ball", octets(NEW, 1, 2))]
     assert listened(air, "--json", "--decode", "--count", "3") == 0
     good, bad, ball = map(json.loads, capsys.readouterr().out.splitlines())
     assert (good["edition"], good["message"]["body"]["height"], good["hex"]) == ("door-1.1", 2, GOOD.hex())
@@ -109,12 +102,12 @@ def test_json_lines_carry_the_decoded_message_or_the_reason(standin, capsys):
 
 
 def test_json_without_decode_is_as_it_was(standin, capsys):
-    assert listened(on_air("door", GOOD), "--json", "--count", "1") == 0
+    assert listened([delivered("door", GOOD)], "--json", "--count", "1") == 0
     assert {"edition", "message", "error"}.isdisjoint(json.loads(capsys.readouterr().out))
 
 
 def test_all_fields_of_each_message_can_be_shown(standin, capsys):
-    assert listened(on_air("door", GOOD) + on_air("door", BAD), "--full", "--count", "2") == 0
+    assert listened([delivered("door", GOOD), delivered("door", BAD)], "--full", "--count", "2") == 0
     said = capsys.readouterr().out
     assert "door-1.1: a standard, 9 octets, " in said
     assert "  height: 2\n" in said
@@ -123,7 +116,7 @@ def test_all_fields_of_each_message_can_be_shown(standin, capsys):
 
 
 def test_fields_that_are_asked_for_are_a_line_of_each_message(standin, capsys):
-    air = on_air("door", GOOD) + on_air("door", BAD) + on_air("ball", octets(NEW, 1, 2))
+    air = [delivered("door", GOOD), delivered("door", BAD), delivered("ball", octets(NEW, 1, 2))]
     assert listened(air, "--fields", "height,body.depth", "--count", "3") == 0
     good, bad, ball = capsys.readouterr().out.splitlines()
     assert good.endswith(" door 1337: height=2 m  body.depth=3 m")
@@ -132,14 +125,14 @@ def test_fields_that_are_asked_for_are_a_line_of_each_message(standin, capsys):
 
 
 def test_some_fields_of_each_message_for_a_program(standin, capsys):
-    assert listened(on_air("door", GOOD), "--json", "--fields", "height", "--count", "1") == 0
+    assert listened([delivered("door", GOOD)], "--json", "--fields", "height", "--count", "1") == 0
     assert json.loads(capsys.readouterr().out)["fields"] == {"body.height": "2 m"}
 
 
 def test_only_the_stations_that_are_wanted_are_shown(standin, capsys):
     other = GOOD[:2] + (4711).to_bytes(4) + GOOD[6:]
     options = ("--station-id", "4711", "--json", "--count", "1")
-    assert listened(on_air("door", GOOD) + on_air("door", other), *options) == 0
+    assert listened([delivered("door", GOOD), delivered("door", other)], *options) == 0
     assert json.loads(capsys.readouterr().out)["station_id"] == 4711
 
 

@@ -9,11 +9,18 @@ from pathlib import Path
 
 import zmq
 
+from drivers.message import Indication, RxInfo
+from firmware.endpoint.deliveries import delivery_of
+from firmware.endpoint.report import run_id
+from firmware.topics import Topics, TypeRow
+
 Frames = Sequence[bytes]
 # The third frame's object and the number of the request -> confirms to publish.
 Answer = Callable[[dict[str, object], int], list[dict[str, object]]]
 
+RECEIVED_NS = 1795182426_461613000
 STATUS: dict[str, object] = {
+    "run": run_id(),
     "station": "fake",
     "version": "0.1.0",
     "profile": "standard",
@@ -53,13 +60,19 @@ STATUS: dict[str, object] = {
 }
 
 
+def delivered(kind: str, pdu: bytes, sequence: int = 1, rx: RxInfo | None = None) -> Frames:
+    """Return the report of a delivered message, as a station sends it. kind: any name; empty for none."""
+    row = Topics(extra=[TypeRow(200, kind, None, None)]).by_number[200]
+    one = Indication(row, pdu, "g5", RECEIVED_NS, 0.0, rx or RxInfo())
+    return f"message.{kind}.".encode(), json.dumps(delivery_of(one, sequence)).encode(), pdu
+
+
 class FakeStation:
     """Four sockets on free ports, served by a thread.
 
-    received  what it publishes to users as soon as one has subscribed to `v2x.` or to everything; if there are reports,
-              to them as well.
-    reports   what it publishes on its report port when one has subscribed to `status.`, after a status, or to
-              `implausible.`.
+    received  what it publishes to users as soon as one has subscribed to `v2x.` or to everything.
+    reports   what it publishes on its report port when one has subscribed to `status.`, after a status.
+    status    this status.
     answer    the confirms about a request.
     requests  what came to PULL.
     """
@@ -67,8 +80,8 @@ class FakeStation:
     def __init__(self, received: Sequence[Frames] = (), reports: Sequence[Frames] = (), answer: Answer | None = None):
         self.requests: list[list[bytes]] = []
         self.is_silent = False
+        self.status = STATUS
         self._received = received
-        self._wishes: set[str] = set()
         self._reports = reports
         self._answer = answer
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
@@ -103,26 +116,18 @@ class FakeStation:
             if self._ended.fileno() in ready:
                 return
             if self._to_users in ready and self._to_users.recv()[:5] in (b"\1", b"\1v2x."):
-                self._say("v2x.")
-            if self._report in ready:
-                self._tell(self._report.recv())
+                self._say()
+            if self._report in ready and self._report.recv() == b"\1status.":
+                self._tell()
             if self._pull in ready:
                 self._request(self._pull.recv_multipart())
 
-    def _tell(self, wish: bytes) -> None:
-        """To who subscribes to `status.`: a status and the reports; to `implausible.`: the reports."""
-        if wish == b"\1status.":
-            self._publish(self._report, [(b"status.", json.dumps(STATUS).encode()), *self._reports])
-        elif wish == b"\1implausible.":
-            self._publish(self._report, self._reports)
-            self._say(wish[1:].decode())
+    def _tell(self) -> None:
+        if not self.is_silent:
+            self._publish(self._report, [(b"status.", json.dumps(self.status).encode()), *self._reports])
 
-    def _say(self, wish: str) -> None:
-        if self.is_silent:
-            return
-        self._wishes.add(wish)
-        if not self._reports or len(self._wishes) == 2:
-            self._wishes.clear()
+    def _say(self) -> None:
+        if not self.is_silent:
             self._publish(self._to_users, [(b"hb.counter", b'{"heartbeat_counter": 0}'), *self._received])
 
     def _request(self, frames: list[bytes]) -> None:

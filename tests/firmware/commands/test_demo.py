@@ -147,7 +147,7 @@ def test_a_message_of_an_own_program_at_a_is_decoded_in_the_table_of_bs_user(blo
 
 def row(mac: str, station: int, kind: str = "cam") -> demo.TallyRow:
     made = demo.TallyRow(kind, station)
-    made.mac = bytes.fromhex(mac.replace(":", ""))
+    made.source = mac
     return made
 
 

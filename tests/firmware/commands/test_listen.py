@@ -1,18 +1,13 @@
 import json
-import socket
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from drivers.message import Position, RxInfo, Security, SecurityStatus
-from drivers.wire import raw
+from drivers.message import Implausible, Position, RxInfo, Security, SecurityStatus
 from firmware import cli
 from firmware.client import client, listening
-from firmware.client.received import Message, Pairing
+from firmware.client.received import Message
 from firmware.client.show.tally import HEADS, Tally, cells, folded
-from firmware.endpoint.report import digest_of
-from tests.firmware.commands.fake import FakeStation
+from tests.firmware.commands.fake import STATUS, FakeStation, Frames, delivered
 
 CAM = bytes.fromhex("02020000053900010203")
 DENM = bytes.fromhex("0201000005390a")
@@ -25,14 +20,11 @@ RX = RxInfo(
     source_mac=bytes.fromhex("010203040506"),
     security=Security(SecurityStatus.UNVERIFIABLE_PKT),
 )
-RECEIVED_NS = 1795182426_461613000
+RUBBISH: list[Frames] = [(b"message.cam.", b"{}", CAM), (b"message.",), (b"message.\xff\xfe", b"")]
 
 
-def on_air(kind: str, pdu: bytes) -> list[tuple[bytes, bytes]]:
-    return [(b"raw.", raw.build(pdu, RECEIVED_NS, RX)), (b"v2x.%s." % kind.encode(), pdu)]
-
-
-RUBBISH = [(b"raw.", b"\xff\xff"), (b"hello",), (b"v2x.", b""), (b"a", b"b", b"c"), (b"\xff\xfe", b"")]
+def on_air(*messages: tuple[str, bytes]) -> FakeStation:
+    return FakeStation(reports=[delivered(kind, pdu, rx=RX) for kind, pdu in messages])
 
 
 def listened(station: FakeStation, *options: str) -> int:
@@ -40,7 +32,7 @@ def listened(station: FakeStation, *options: str) -> int:
 
 
 def test_each_message_is_one_json_object_with_its_header_and_what_the_interface_knew(capsys):
-    with FakeStation(on_air("cam", CAM) + on_air("denm", DENM)) as station:
+    with on_air(("cam", CAM), ("denm", DENM)) as station:
         assert listened(station, "--json", "--count", "2") == 0
     cam, denm = map(json.loads, capsys.readouterr().out.splitlines())
     assert cam == {
@@ -64,77 +56,84 @@ def test_each_message_is_one_json_object_with_its_header_and_what_the_interface_
 
 
 def test_an_unknown_position_of_a_message_is_null(capsys):
-    with FakeStation([(b"raw.", raw.build(CAM, RECEIVED_NS, RxInfo())), (b"v2x.cam.", CAM)]) as station:
+    with FakeStation(reports=[delivered("cam", CAM)]) as station:
         assert listened(station, "--json", "--count", "1") == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["latitude"], found["longitude"], found["rssi_dbm"]) == (None, None, None)
 
 
-def mark(pdu: bytes, *reasons: str, received_ns: int = RECEIVED_NS) -> tuple[bytes, bytes]:
-    said = {"digest": digest_of(pdu), "received_ns": received_ns, "implausible": reasons}
-    return b"implausible.cam.", json.dumps(said).encode()
-
-
-def marked(*reports: tuple[bytes, ...]) -> FakeStation:
-    return FakeStation(on_air("cam", CAM) + on_air("denm", DENM), reports)
-
-
-def shown(station: FakeStation, capsys, wanted: str, *options: str) -> str:
-    """Return the output once it has the wanted text: marks have a connection of their own, and may come later."""
-    for _ in range(1000):
-        assert listened(station, *options) == 0
-        if wanted in (said := capsys.readouterr().out):
-            return said
-    raise AssertionError(said)
+def marked(*reasons: Implausible) -> FakeStation:
+    reports = [delivered("cam", CAM, rx=RX._replace(implausible=reasons)), delivered("denm", DENM, rx=RX)]
+    return FakeStation(reports=reports)
 
 
 def test_a_marked_message_has_its_reasons_and_another_has_none(capsys):
-    with marked(mark(CAM, "time", "source")) as station:
-        said = shown(station, capsys, "implausible", "--json", "--count", "2")
-    cam, other = map(json.loads, said.splitlines())
+    with marked(Implausible.TIME, Implausible.SOURCE) as station:
+        assert listened(station, "--json", "--count", "2") == 0
+    cam, other = map(json.loads, capsys.readouterr().out.splitlines())
     assert cam["implausible"] == ["time", "source"]
     assert "implausible" not in other
 
 
 @pytest.mark.parametrize("options", [[], ["--headers"]])
 def test_the_table_counts_marked_messages_with_their_reasons(capsys, options):
-    with marked(mark(CAM, "time", "own-address")) as station:
-        said = shown(station, capsys, "implausible", "--count", "2", *options)
-    assert "! 1 implausible: time, own-address" in said
+    with marked(Implausible.TIME, Implausible.OWN_ADDRESS) as station:
+        assert listened(station, "--count", "2", *options) == 0
+    assert "! 1 implausible: time, own-address" in capsys.readouterr().out
 
 
-def test_without_a_report_port_messages_come_unmarked(capsys):
-    with socket.create_server(("127.0.0.1", 0)) as once, FakeStation(on_air("cam", CAM)) as station:
-        nobody = once.getsockname()[1]
-        once.close()
-        assert listened(station, "--json", "--count", "1", "--report", str(nobody)) == 0
-    assert "implausible" not in json.loads(capsys.readouterr().out)
-
-
-def test_a_message_without_raw_still_shows_its_header(capsys):
-    with FakeStation([(b"v2x..", b"\x02")]) as station:
+def test_a_message_of_a_short_pdu_without_a_name_shows_what_its_header_has(capsys):
+    with on_air(("", b"\x02")) as station:
         assert listened(station, "--json", "--count", "1") == 0
     found = json.loads(capsys.readouterr().out)
-    assert found == {
-        "type": "",
-        "station_id": None,
-        "message_id": None,
-        "protocol_version": 2,
-        "octets": 1,
-        "hex": "02",
-    }
+    assert (found["type"], found["octets"], found["hex"]) == ("", 1, "02")
+    assert (found["station_id"], found["message_id"], found["protocol_version"]) == (None, None, 2)
 
 
-def test_rubbish_is_counted_and_the_next_message_passes(capsys):
-    with FakeStation([*RUBBISH, *on_air("cam", CAM)]) as station:
+def test_a_message_of_a_broker_has_no_mac_address(capsys):
+    with FakeStation(reports=[delivered("cam", CAM, rx=RxInfo(source="cabin:1"))]) as station:
+        assert listened(station, "--json", "--count", "1") == 0
+    assert json.loads(capsys.readouterr().out)["source_mac"] == "00:00:00:00:00:00"
+
+
+def gap() -> FakeStation:
+    """A station of which the program misses the messages 2 to 4."""
+    return FakeStation(reports=[delivered("cam", CAM, number) for number in (1, 5, 6)])
+
+
+def test_missed_messages_are_in_the_next_object_of_their_type_and_their_sum_is_the_last_line(capsys):
+    with gap() as station:
+        assert listened(station, "--json", "--count", "3") == 0
+    said = capsys.readouterr()
+    assert [json.loads(line).get("missed") for line in said.out.splitlines()] == [None, 3, None]
+    assert said.err == "captain: 3 messages missed: this program was too slow\n"
+
+
+def test_missed_messages_are_in_the_title_of_the_table(capsys):
+    with gap() as station:
+        assert listened(station, "--count", "3") == 0
+    assert "3 messages in 0 s  3 missed\n" in capsys.readouterr().out
+
+
+def test_a_station_of_an_older_release_is_refused_with_a_remedy(capsys):
+    with FakeStation() as station:
+        station.status = {key: value for key, value in STATUS.items() if key != "run"}
+        assert listened(station) == 1
+    said = capsys.readouterr().err
+    assert "older release: it has no topic `message.`" in said
+    assert "captain update" in said
+
+
+def test_a_malformed_report_is_counted_and_the_next_message_passes(capsys):
+    with FakeStation(reports=[*RUBBISH, delivered("cam", CAM)]) as station:
         assert listened(station, "--count", "1") == 0
-    said = capsys.readouterr().out
-    assert "5 unreadable (last fffe)" in said
+    said = " ".join(capsys.readouterr().out.split())
+    assert "3 unreadable (last 6d6573736167652efffe)" in said
     assert "1337" in said
 
 
 def test_only_the_wanted_types_are_shown(capsys):
-    with FakeStation(on_air("cam", CAM) + on_air("denm", DENM)) as station:
+    with on_air(("cam", CAM), ("denm", DENM)) as station:
         assert listened(station, "--json", "--type", "DENM", "--count", "1") == 0
     assert json.loads(capsys.readouterr().out)["type"] == "denm"
 
@@ -142,21 +141,20 @@ def test_only_the_wanted_types_are_shown(capsys):
 @pytest.mark.parametrize("wanted", ["200", "0200"])
 def test_a_type_that_only_the_station_knows_is_wanted_by_its_message_id(wanted, capsys):
     own = bytes.fromhex("02c8000005390a")
-    named = [(b"v2x.mine.", own), (b"v2x..", own)]
-    with FakeStation([*on_air("cam", CAM), *named, *on_air("denm", DENM)]) as station:
+    with on_air(("cam", CAM), ("mine", own), ("", own), ("denm", DENM)) as station:
         assert listened(station, "--json", "--type", wanted, "--type", "denm", "--count", "3") == 0
     found = [json.loads(line)["type"] for line in capsys.readouterr().out.splitlines()]
     assert found == ["mine", "", "denm"]
 
 
 def test_a_pdu_too_short_for_a_message_id_has_none_that_is_wanted(capsys):
-    with FakeStation([(b"v2x..", b"\x02"), *on_air("cam", CAM)]) as station:
+    with on_air(("", b"\x02"), ("cam", CAM)) as station:
         assert listened(station, "--json", "--type", "2", "--count", "1") == 0
     assert json.loads(capsys.readouterr().out)["type"] == "cam"
 
 
 def test_messages_without_a_name_are_wanted_by_the_empty_one(capsys):
-    with FakeStation([*on_air("cam", CAM), *on_air("", DENM)]) as station:
+    with on_air(("cam", CAM), ("", DENM)) as station:
         assert listened(station, "--json", "--type", "", "--count", "1") == 0
     assert json.loads(capsys.readouterr().out)["hex"] == DENM.hex()
 
@@ -182,7 +180,7 @@ def test_a_type_that_does_not_exist_is_wrong_usage_with_a_remedy(wanted, remedy,
 
 
 def test_without_a_terminal_the_table_is_plain_text(capsys):
-    with FakeStation(on_air("cam", CAM) * 3) as station:
+    with on_air(*[("cam", CAM)] * 3) as station:
         assert listened(station, "--headers", "--count", "3") == 0
     said = capsys.readouterr().out
     assert "\x1b" not in said
@@ -197,14 +195,14 @@ def test_a_duration_ends_it_though_nothing_comes(capsys):
     assert "0 messages in" in capsys.readouterr().out
 
 
-def test_a_port_without_heartbeat_is_no_station(monkeypatch, capsys):
+def test_a_port_without_a_status_is_no_station(monkeypatch, capsys):
     monkeypatch.setattr(client, "ANSWER_S", 0.05)
     monkeypatch.setattr(listening, "REDRAW_S", 0.05)
     with FakeStation() as station:
         station.is_silent = True
         assert listened(station) == 1
     said = capsys.readouterr().err
-    assert "no heartbeat" in said
+    assert "no heartbeat and no status within" in said
     assert "the first of its four ports" in said
 
 
@@ -222,7 +220,7 @@ def test_a_reader_who_leaves_ends_it_without_a_word(monkeypatch, capfd):
         def fileno(self) -> int:
             return spare.fileno()
 
-    with open("/dev/null", "wb") as spare, FakeStation(on_air("cam", CAM)) as station:
+    with open("/dev/null", "wb") as spare, on_air(("cam", CAM)) as station:
         monkeypatch.setattr("sys.stdout", Gone())
         assert listened(station, "--json") in (0, 141)
     monkeypatch.undo()
@@ -233,7 +231,7 @@ def test_ctrl_c_is_the_shells_130(monkeypatch, capsys):
     def pressed(text: str, **_: object) -> None:
         raise KeyboardInterrupt
 
-    with FakeStation(on_air("cam", CAM)) as station:
+    with on_air(("cam", CAM)) as station:
         monkeypatch.setattr("builtins.print", pressed)
         assert listened(station, "--json") == 130
 
@@ -246,28 +244,6 @@ def test_an_impossible_end_is_wrong_usage(options):
     with pytest.raises(SystemExit) as ended:
         cli.main(["listen", *options])
     assert ended.value.code == 2
-
-
-@given(st.lists(st.lists(st.binary(max_size=200) | st.sampled_from([b"raw.", b"v2x.cam.", b"v2x."]), max_size=4)))
-def test_no_message_of_a_peer_is_fatal(messages):
-    pairing = Pairing()
-    taken = [pairing.feed(frames) for frames in messages]
-    assert all(message is None or isinstance(message, Message) for message in taken)
-    assert pairing.rubbish <= len(messages)
-    assert len(pairing.sample) <= 32
-
-
-def test_what_the_interface_knew_is_never_given_to_another_message():
-    pairing = Pairing()
-    pairing.feed([b"raw.", raw.build(CAM, RECEIVED_NS, RX)])
-    assert pairing.feed([b"v2x.denm.", DENM]).raw is None
-    assert pairing.feed([b"v2x.cam.", CAM]).raw is None
-
-
-def test_heartbeats_are_no_messages():
-    pairing = Pairing()
-    assert pairing.feed([b"hb.counter", b'{"heartbeat_counter": 0}']) is None
-    assert pairing.rubbish == 0
 
 
 def message_of(station: int, kind: str = "cam", octets: int = 10) -> Message:

@@ -71,11 +71,13 @@ def bench() -> Iterator[Bench]:
 
 def test_message_of_a_wanted_type_comes_with_its_metadata_and_pdu(bench: Bench) -> None:
     bench.deliveries.want(b"message.cam.", True)
-    bench.deliver(rx=RxInfo(rssi_dbm=-71, position=Position(487668000, 114321000)))
+    rx = RxInfo(rssi_dbm=-71, position=Position(487668000, 114321000), data_rate=12, traffic_class=2, hop_limit=1)
+    bench.deliver(rx=rx)
     ((topic, said, pdu),) = bench.heard()
     assert (topic, pdu) == (b"message.cam.", pdu_of(CAM))
     assert (said["run"], said["sequence"], said["type"], said["rssi_dbm"]) == (run_id(), 1, "cam", -71)
     assert said["position"] == {"latitude": 48.7668, "longitude": 11.4321}
+    assert (said["data_rate"], said["traffic_class"], said["hop_limit"]) == (12, 2, 1)
 
 
 def test_message_without_a_known_type_comes_by_the_nameless_topic(bench: Bench) -> None:

@@ -159,7 +159,7 @@ class Listener:
     def __init__(self, station: Station, path: Path) -> None:
         self._path = path
         ports = station.ports
-        addresses = ["--station", f"127.0.0.1:{ports.from_users}", "--to-users", str(ports.to_users)]
+        addresses = ["--station", f"127.0.0.1:{ports.from_users}", "--report", str(ports.report)]
         with path.open("wb") as out:
             self.process = subprocess.Popen([SOURCE, "listen", *addresses], stdout=out)
         began = time.monotonic()
@@ -181,7 +181,7 @@ class Listener:
         return Seen(self._total(), self._rows(), cpu_s)
 
     def _total(self) -> int:
-        """Of the last title: `12:00:00  127.0.0.1:5556  4711 messages in 3 s`."""
+        """Of the last title: `12:00:00  127.0.0.1:5558  4711 messages in 3 s`."""
         with self._path.open("rb") as stream:
             stream.seek(max(0, self._path.stat().st_size - (1 << 17)))
             titles = [line for line in stream.read().splitlines() if b" messages in " in line]
