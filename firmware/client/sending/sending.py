@@ -1,4 +1,8 @@
-"""Sending: sends messages to PULL at a pace and receives their confirms."""
+"""Sending: sends messages to PULL at a pace and receives their confirms.
+
+Pace, window and flights are the command's own. It reports unreadable reports and the times of each interface. The requests
+of captain_client do not keep these.
+"""
 
 import json
 import math
