@@ -1,7 +1,7 @@
 """Sending: sends messages to PULL at a pace and receives their confirms.
 
-Pace, window and flights are the command's own. It reports unreadable reports and the times of each interface. The requests
-of captain_client do not keep these.
+Pace, window and flights are the command's own. It reports unreadable reports and the times of each interface, which the
+requests of captain_client do not keep.
 """
 
 import json
