@@ -14,6 +14,7 @@ from drivers.sim.receiver.habits import Habits
 from drivers.sim.receiver.receiver import Receiver
 from tests.drivers.host import SHARED
 from tests.drivers.test_contract import sources
+from tests.said import tells
 
 PROGRAM = [sys.executable, "-P", str(Path(__file__).with_name("bus_program.py"))]
 
@@ -72,14 +73,15 @@ def test_a_chip_that_does_not_answer_is_named(driver, loop, host, receiver):
     assert host.failures[0].hint == "is it fitted?"
 
 
-def test_a_bus_that_breaks_while_it_is_used_is_a_fault(driver, loop, host, receiver):
+def test_bus_that_breaks_while_it_is_used_is_a_fault(driver, loop, host, receiver):
     one = driver()
     loop.patience_s = 20.0
     one.start(host)
     loop.run_until(lambda: receiver.requests or host.failures)
     receiver.unplug()
     loop.run_until(lambda: bool(host.failures))
-    assert "the bus is stuck" in host.failures[0].message
+    (failure,) = host.failures
+    assert tells(failure.message, "bus", "stuck")
 
 
 def test_what_is_written_before_the_process_runs_waits_and_the_oldest_of_too_much_is_counted(loop):
