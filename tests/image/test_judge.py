@@ -10,6 +10,7 @@ import pytest
 from board.runtime import boot_counters
 from board.runtime.boot_counters import State
 from image import own_files
+from tests.said import tells
 
 SCRIPTS = own_files.OVERLAY / "usr/lib/captain-image"
 WELL = {"EXIT_CODE": "exited", "EXIT_STATUS": "0", "SERVICE_RESULT": "success"}
@@ -96,23 +97,23 @@ def test_a_new_slot_that_is_well_is_new_no_more(box: Box):
 
 
 @pytest.mark.parametrize("ended", [FAILED, HUNG])
-def test_a_new_slot_that_is_not_well_restarts_and_its_tries_stay_used(box: Box, ended: dict[str, str]):
+def test_slot_on_trial_that_fails_restarts_and_its_tries_stay_used(box: Box, ended: dict[str, str]):
     before = State(BA, 3, 1, "B")
     assert box.run("judge", "B", before, ended) == before
     assert box.is_restarting
-    assert "slot B is on trial and failed" in box.said
+    assert tells(box.said, "slot B ", "on trial", "failed")
 
 
 @pytest.mark.parametrize("ended", [FAILED, HUNG])
 @pytest.mark.parametrize("new", ["0", "B"])
 @pytest.mark.parametrize("again", ["0", "A"])
-def test_a_slot_that_was_well_before_stays_and_is_never_restarted(
+def test_slot_that_is_known_good_and_fails_stays_and_is_never_restarted(
     box: Box, ended: dict[str, str], new: str, again: str
 ):
     # Else three starts with a station that is not well would bring the other slot, which mends nothing.
     assert box.run("judge", "A", State(a_left=0, new=new, again=again), ended) == State(new=new)
     assert not box.is_restarting
-    assert "slot A is known good and stays" in box.said
+    assert tells(box.said, "slot A ", "known good", "stays")
     assert box.judged == "not well\n"
 
 
@@ -137,15 +138,15 @@ def test_the_old_slot_says_that_the_new_one_did_not_get_well(box: Box):
     assert "slot B failed its trial" in box.said
 
 
-def test_a_slot_whose_power_went_away_three_times_before_it_was_up_is_tried_again(box: Box):
+def test_slot_that_lost_power_at_three_starts_is_tried_once_more(box: Box):
     # It has been well before: nobody has updated it.
     assert box.run("judge", "B", State(a_left=0, b_left=2), WELL) == State(a_left=1, b_left=3, again="A")
-    assert "slot A has no tries left and was known good: the next start tries it once more" in box.said
+    assert tells(box.said, "slot A ", "no tries", "known good: ", "next start", "once more")
 
 
-def test_a_slot_that_was_tried_once_more_in_vain_comes_first_no_more(box: Box):
+def test_slot_that_fails_once_more_comes_first_no_more(box: Box):
     assert box.run("judge", "B", State(a_left=0, b_left=2, again="A"), WELL) == State(BA, 0, 3)
-    assert "slot A failed once more: slot B comes first from now on" in box.said
+    assert tells(box.said, "slot A ", "failed once more: ", "slot B ", "first")
 
 
 def test_a_slot_that_was_well_when_it_was_tried_once_more_may_be_so_again(box: Box):

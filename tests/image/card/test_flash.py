@@ -13,6 +13,7 @@ import pytest
 from image.card import flash
 from image.card.flash import BlockDevice, Users
 from image.errors import ImageError
+from tests.said import tells
 
 MIB = 1 << 20
 NOBODY = Users(
@@ -81,15 +82,18 @@ def test_what_is_no_device_is_refused(tmp_path: Path):
         BlockDevice(Path("/dev/none"), tmp_path).refuse(1, NOBODY)
 
 
-def test_a_card_is_written_whole_and_told_before(tmp_path: Path, image: Path, capsys: pytest.CaptureFixture[str]):
+def test_card_is_written_whole_after_a_question_with_its_name(
+    tmp_path: Path, image: Path, capsys: pytest.CaptureFixture[str]
+):
     card = device(tmp_path, device__vendor="Generic", device__model="Reader")
     card.path.write_bytes(b"old" * 4 * MIB)
-    assert written(image, card, "sdx") == ["Type sdx to go on: "]
+    (question,) = written(image, card, "sdx")
+    assert "Type sdx" in question
     octets = card.path.read_bytes()
     assert octets[: image.stat().st_size] == image.read_bytes()
     assert octets[image.stat().st_size :] == (b"old" * 4 * MIB)[image.stat().st_size :]
     said = capsys.readouterr().out
-    assert said.startswith(f"All that is on {card.path} (Generic Reader, 4.3 GB) will be lost.\n")
+    assert tells(said.splitlines()[0], f"{card.path} (Generic Reader, 4.3 GB)", "lost")
     assert "100 %" in said
     assert "written, and read back" in said
 
@@ -192,7 +196,7 @@ def test_a_file_is_no_card_and_nobody_is_asked_without_a_terminal(
         flash.flash(tmp_path / "none", sums, tmp_path / "sdx")
 
 
-def test_who_stops_it_in_the_middle_is_told_what_the_card_is_now(
+def test_card_whose_writing_is_stopped_is_reported_as_incomplete(
     tmp_path: Path, image: Path, monkeypatch: pytest.MonkeyPatch
 ):
     def stopped(*_: object) -> None:
@@ -203,4 +207,4 @@ def test_who_stops_it_in_the_middle_is_told_what_the_card_is_now(
     monkeypatch.setattr(flash, "_all_written", stopped)
     with pytest.raises(ImageError, match=r"sdx: stopped before it was written") as told:
         written(image, card, "sdx")
-    assert "the card is incomplete" in str(told.value)
+    assert "incomplete" in str(told.value)

@@ -12,6 +12,7 @@ from image.card import figures, release
 from image.card.build import CardBuild
 from image.card.figures import Figure
 from image.project import PROJECT
+from tests.said import tells
 
 
 @pytest.mark.parametrize(
@@ -64,7 +65,7 @@ def test_a_figure_is_shown_beside_its_goal():
 
 @pytest.mark.parametrize(("is_sound", "status"), [(True, 0), (False, 1)])
 @pytest.mark.parametrize("kind", ["development", "release"])
-def test_what_is_handed_out_was_looked_through_and_whose_key_signed_it_is_said(
+def test_release_is_made_of_a_verified_card_and_warns_of_a_development_key(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
     is_sound: bool, status: int, kind: str,
 ):  # fmt: skip
@@ -75,6 +76,4 @@ def test_what_is_handed_out_was_looked_through_and_whose_key_signed_it_is_said(
     monkeypatch.setattr(release, "make", lambda *arguments: handed_out.append(arguments) or [])
     assert __main__._release(SimpleNamespace(to=tmp_path), None) == status  # type: ignore[arg-type]
     assert bool(handed_out) is is_sound
-    assert ("boxes accept any update signed on this machine" in capsys.readouterr().err) == (
-        kind == "development" and is_sound
-    )
+    assert tells(capsys.readouterr().err, "any update", "this machine") == (kind == "development" and is_sound)

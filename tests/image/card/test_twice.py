@@ -5,6 +5,7 @@ import tarfile
 from pathlib import Path
 
 from image.card import twice
+from tests.said import tells
 
 
 def made(folder: Path, word: bytes, mode: int = 0o644, mtime: int = 0) -> Path:
@@ -49,13 +50,13 @@ def test_another_mode_is_another_file(tmp_path: Path):
     assert found == {"userland/root.tar, its files": ["etc/x"], "parts/root.tar, its files": ["etc/x"]}
 
 
-def test_what_is_left_out_of_the_card_may_differ(tmp_path: Path):
+def test_file_that_is_left_out_of_the_card_may_differ(tmp_path: Path):
     one, other = made(tmp_path / "one", b"x"), made(tmp_path / "two", b"x")
     with tarfile.open(other / "userland/root.tar", "w"):
         pass  # nothing of it
     (userland,) = (row for row in twice.compared(one, one / twice.CARD, other) if row.differing)
     assert userland.is_left_out
-    assert str(userland).startswith("DIFFER  userland/root.tar, its files: 2 of 2 files, left out of the card\n")
+    assert tells(str(userland).splitlines()[0], "DIFFER  userland/root.tar", "2 of 2 files", "left out")
 
 
 def test_a_row_shows_the_first_of_many_and_says_how_many_there_are():
