@@ -14,6 +14,7 @@ from firmware.clock.pulse_input import MOST_S, PulseInput, source
 from pps.device import PulseDevice
 from pps.edges import Edges
 from pps.pulse import Above, Pulse, Tally, read_clocks
+from tests.said import tells
 from tests.virtual import VirtualLoop
 
 
@@ -90,7 +91,7 @@ def test_a_source_that_is_absent_is_said_once_and_tried_ever_less_often(
     assert (status["is_open"], status["why"], status["hint"]) == (False, GONE.message, GONE.hint)
 
 
-def test_one_that_appears_is_taken_and_that_is_said(bench: Bench, caplog: pytest.LogCaptureFixture) -> None:
+def test_pulse_input_that_appears_is_opened_and_logged(bench: Bench, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     bench.source.fault = GONE
     bench.input.start()
@@ -98,7 +99,7 @@ def test_one_that_appears_is_taken_and_that_is_said(bench: Bench, caplog: pytest
     bench.loop.run_for(2)
     bench.source.beat(1)
     assert len(bench.pulses) == 1
-    assert caplog.messages[-1] == "/dev/pps0: input for pulses open"
+    assert tells(caplog.messages[-1], "/dev/pps0: ", "open")
     assert bench.input.status()["why"] == ""
 
 

@@ -10,6 +10,7 @@ from firmware.recorder.scribe import Scribe
 from firmware.recordings import capture
 from firmware.recordings.pcapng import Direction
 from tests.firmware.recorder.reported_frames import FRAME, NOW_NS, message, told
+from tests.said import tells
 
 STATUS = {
     "station": "rsu",
@@ -41,11 +42,11 @@ def test_a_frame_says_all_that_was_told_of_it():
     assert not {"interface", "direction", "when_ns"} & frame.said.keys()
 
 
-def test_numbers_that_are_left_out_are_frames_that_are_missing():
+def test_frame_after_a_gap_in_the_numbers_has_the_count_of_missing_ones():
     scribe = Scribe()
     frames = written(scribe, told(5), told(6), told(9), told(10, missed=4), told(3, "wire"))
     assert [frame.lost for frame in frames] == [0, 0, 2, 4, 0]
-    assert frames[2].comment.startswith("2 frames before this one are missing; ")
+    assert tells(frames[2].comment, "2 frames", "missing; ")
     assert (scribe.frames, scribe.lost) == (5, 6)
 
 

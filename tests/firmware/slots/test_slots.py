@@ -13,6 +13,7 @@ from drivers.contract import Host
 from firmware.slots.states import FAULTS, Event, SlotState
 from firmware.slots.supervisor import CYCLES, RULES, STARTS, STEADY_S
 from tests.firmware.slots.bench import BOOT_S, DEAF, OFF_S, SETTLE_S, WAIT_S, Bench
+from tests.said import tells
 from tests.virtual import VirtualLoop
 
 
@@ -35,15 +36,14 @@ def test_before_the_start_nothing_is_switched_and_nothing_happens(loop: VirtualL
     assert (bench.state, bench.power.switched, bench.driver.starts) == (SlotState.STOPPED, [], 0)
 
 
-def test_power_comes_first_then_the_device_then_the_driver(bench: Bench) -> None:
+def test_start_of_a_slot_powers_it_then_waits_for_its_device_then_starts_the_driver(bench: Bench) -> None:
     assert (bench.state, bench.power.is_on, bench.driver.starts) == (SlotState.POWERING, True, 0)
     bench.loop.run_for(BOOT_S)
     assert (bench.state, bench.driver.starts) == (SlotState.RUNNING, 1)
-    assert bench.notes == [
-        "powering: the station has started; waits for a device at 1-1.3",
-        "starting: 1e0e:9001",
-        "running: driver started",
-    ]
+    powering, starting, running = bench.notes
+    assert tells(powering, "powering: ", "started; ", "device at 1-1.3")
+    assert starting == "starting: 1e0e:9001"
+    assert tells(running, "running: ", "driver started")
 
 
 def test_a_driver_that_fails_is_started_again_without_touching_power(running: Bench) -> None:

@@ -73,18 +73,21 @@ def test_a_link_that_comes_and_goes_is_not_steady(running: Bench) -> None:
     assert running.slot.status()["cause"] == DEAF.message
 
 
+HINT = "is the carrier plugged on?"
+
+
 def refuse(bench: Bench) -> None:
-    bench.power.refusal = InterfaceError("no answer from 0x20 on /dev/i2c-1", "is the carrier plugged on?")
+    bench.power.refusal = InterfaceError("no answer from 0x20 on /dev/i2c-1", HINT)
 
 
-def test_a_switch_that_fails_at_the_start_is_a_fault_and_no_power_cycle(loop: VirtualLoop) -> None:
+def test_switch_that_fails_at_the_start_is_a_fault_and_no_power_cycle(loop: VirtualLoop) -> None:
     bench = Bench(loop)
     refuse(bench)
     bench.slot.start()
     status = bench.slot.status()
     assert (bench.state, bench.slot.cycles) == (SlotState.FAULT, 0)
     assert status["cause"] == "power on: no answer from 0x20 on /dev/i2c-1"
-    assert status["hint"] == "is the carrier plugged on?"
+    assert status["hint"] == HINT
     assert status["why"] == f"{status['cause']}; tried again, at most every {RESWITCH_S:.0f} s"
 
 
@@ -126,13 +129,13 @@ def test_what_is_absent_once_its_power_could_be_switched_may_use_all_power_cycle
     assert bench.slot.status()["cause"] == "no USB device at 1-1.3 within 30 s"
 
 
-def test_a_slot_that_could_not_be_switched_off_does_not_say_that_it_is_off(running: Bench) -> None:
+def test_slot_that_could_not_be_switched_off_is_a_fault_and_on(running: Bench) -> None:
     refuse(running)
     running.slot.operate("off")
     status = running.slot.status()
     assert (running.state, running.power.is_on) == (SlotState.FAULT, True)
     assert status["cause"] == "power off: no answer from 0x20 on /dev/i2c-1"
-    assert status["hint"] == "is the carrier plugged on?"
+    assert status["hint"] == HINT
 
 
 def test_a_slot_that_could_not_be_switched_off_is_as_soon_as_it_can(running: Bench) -> None:
