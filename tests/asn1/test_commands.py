@@ -11,6 +11,7 @@ import pytest
 from asn1 import cli as program
 from asn1 import commands, progress
 from asn1.model import selection, text
+from tests.said import tells
 
 ROOT = Path(__file__).resolve().parents[2]
 ASN = "Mine DEFINITIONS AUTOMATIC TAGS ::= BEGIN Alarm ::= SEQUENCE { level INTEGER (0..7), ... } END\n"
@@ -38,12 +39,12 @@ def test_the_list_as_json_is_an_object_a_line(capsys: pytest.CaptureFixture[str]
     assert messages["cam-1.4.1"]["ids"] == [2]
 
 
-def test_generating_says_what_was_written_and_what_to_do_next(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_generate_reports_what_was_written_and_where_to_begin(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert run("generate", "cam", "denm-1.3.1", "--format", "docs", "--to", tmp_path / "out") == 0
     said = capsys.readouterr()
-    assert (
-        said.out == f"{tmp_path}/out: 2 messages in format docs; 3 files changed\nbegin with {tmp_path}/out/README.md\n"
-    )
+    summary, begin = said.out.splitlines()
+    assert tells(summary, f"{tmp_path}/out: ", "2 messages", "docs; ", "3 files changed")
+    assert begin.endswith(f" {tmp_path}/out/README.md")
     assert said.err == "[1/2] cam-1.4.1\n[2/2] denm-1.3.1\n"
     assert run("generate", "cam", "denm-1.3.1", "--form", "docs", "--to", tmp_path / "out") == 0
     assert "0 files changed" in capsys.readouterr().out
@@ -115,44 +116,42 @@ def test_an_option_of_another_form_is_refused(words, said, tmp_path: Path, capsy
     assert not (tmp_path / "out").exists()
 
 
-def test_a_ros_package_that_is_not_asked_for_again_is_removed_and_named(
+def test_ros_package_that_is_not_asked_for_again_is_removed_and_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     for name in ("rawtx", "rawrx"):
         assert run("generate", name, "--format", "ros2", "--to", tmp_path / "src") == 0
-    assert "removed messages that this command line did not name: captain_rawtx_1_msgs" in capsys.readouterr().out
+    assert tells(capsys.readouterr().out, "removed", ": captain_rawtx_1_msgs\n")
     assert sorted(path.name for path in (tmp_path / "src").iterdir() if path.is_dir()) == [
         "captain_rawrx_1_msgs",
         "captain_si",
     ]
 
 
-def test_a_message_of_one_s_own_is_added_with_one_command_and_listed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
+def test_message_of_a_user_is_added_with_one_command_and_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     (tmp_path / "my.asn").write_text(ASN)
     assert run("add", tmp_path / "my.asn", "--pdu", "Alarm", "--name", "my-alarm", "--id", 2, "--port", 2999,
                "--to", tmp_path / "own") == 0  # fmt: skip
     said, warned = capsys.readouterr()
-    assert "octets 0 and 1 are not protocolVersion and messageID: Alarm begins with an extension bit" in warned
+    assert tells(warned, "octets 0 and 1 ", "messageID: Alarm ", "extension bit")
     assert "needs --edition my-alarm" in warned
-    assert "messageID 2 is also that of cam-1.4.1" in said
+    assert tells(said, "messageID 2 ", "cam-1.4.1")
     assert f"generate my-alarm --with {tmp_path / 'own'}" in said
     assert run("list", "--with", tmp_path / "own") == 0
     assert "my-alarm" in capsys.readouterr().out
     assert run("remove", "my-alarm", "--to", tmp_path / "own") == 0
     assert f"removed: {tmp_path / 'own' / 'my-alarm.toml'}" in capsys.readouterr().out
     assert run("remove", "my-alarm", "--to", tmp_path / "own") == 1
-    assert "my-alarm: not a message of your own in" in capsys.readouterr().err
+    assert tells(capsys.readouterr().err, "my-alarm: ", "not a message", str(tmp_path / "own"))
 
 
-def test_two_directories_with_a_module_of_the_same_key_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_directories_with_a_module_of_the_same_key_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     (tmp_path / "my.asn").write_text(ASN)
     for name, folder in (("my-alarm", "one"), ("my.alarm", "two")):
         assert run("add", tmp_path / "my.asn", "--pdu", "Alarm", "--name", name, "--id", 2, "--port", 2999,
                    "--to", tmp_path / folder) == 0  # fmt: skip
     assert run("list", "--with", tmp_path / "one", "--with", tmp_path / "two") == 1
-    assert "two: x_my_alarm.schema is in another directory, too" in capsys.readouterr().err
+    assert tells(capsys.readouterr().err, "two: x_my_alarm.schema ", "another directory")
 
 
 WITHOUT_ASN1TOOLS = """
@@ -173,13 +172,12 @@ def test_only_what_reads_modules_needs_asn1tools(tmp_path: Path):
     assert (done.returncode, done.stderr) == (0, "[1/1] cam-1.4.1\n")
 
 
-def test_where_asn1tools_is_missing_the_remedy_is_said(tmp_path: Path):
+def test_add_without_asn1tools_fails_with_its_installation(tmp_path: Path):
     (tmp_path / "my.asn").write_text(ASN)
     done = run_without_asn1tools("add", tmp_path / "my.asn", "--pdu", "Alarm", "--name", "my-alarm", "--id", 2,
                                  "--port", 2999, "--to", tmp_path / "own")  # fmt: skip
     assert done.returncode == 1
-    assert done.stderr.startswith("captain-asn1: asn1tools, a second parser that checks every module, is not installed")
-    assert "pip install asn1tools" in done.stderr
+    assert tells(done.stderr, "captain-asn1: asn1tools", "not installed", "pip install asn1tools")
     assert not (tmp_path / "own").exists()
 
 
@@ -202,7 +200,7 @@ def test_import_check_compares_the_codecs_where_the_schema_is_the_same(
     )
     monkeypatch.setattr("asn1.importer.standards.compare", lambda schema, folder: [])
     assert run("import-check", tmp_path) == 0
-    assert capsys.readouterr().out == "2 modules imported: schema and codecs are equal to the committed ones\n"
+    assert tells(capsys.readouterr().out, "2 modules", ": schema and codecs ", "equal")
 
 
 def test_a_reader_that_leaves_is_no_error():

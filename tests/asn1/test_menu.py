@@ -11,6 +11,7 @@ from asn1 import menu
 from asn1.backends.registry import BACKENDS
 from asn1.model import text
 from asn1.own import add
+from tests.said import tells
 
 CAM = ["generate", "cam", "--format"]
 
@@ -138,12 +139,12 @@ def test_a_name_that_is_there_is_replaced_only_if_the_user_says_so(
     assert line[-1] == "--replace"
 
 
-def test_a_message_of_one_s_own_is_removed_by_its_number(
+def test_message_of_a_user_is_removed_by_its_number(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, file: str, capsys: pytest.CaptureFixture[str]
 ):
     monkeypatch.setattr(text, "SCHEMA", tmp_path)
     assert run(monkeypatch, "4", "1")[0] == [["list"]]
-    assert "you have not added a message" in capsys.readouterr().out
+    assert tells(capsys.readouterr().out, "not added", "message")
     add.add(add.UserRequest(Path(file), "MyPdu", "my-msg", 240, 2999), text.load_schema(), tmp_path)
     here = text.load_schema(tmp_path)
     monkeypatch.setattr(text, "load_schema", lambda: here)

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from asn1.importer.parser.fault import ImportFault
 from tests.asn1.importing import imported, module, problems
+from tests.said import tells
 
 CLASS = "CLS ::= CLASS { &id INTEGER, &Type }  S CLS ::= { ... }"
 
@@ -75,13 +76,11 @@ def test_a_construct_that_is_not_imported_is_named_with_its_place(body: str, pro
     assert lines[0].removeprefix("m.asn:2: ").removeprefix("m.asn:3: ") == problem
 
 
-def test_every_problem_is_told_at_once_in_the_order_of_the_lines() -> None:
+def test_problems_of_a_text_are_reported_at_once_in_the_order_of_the_lines() -> None:
     text = module("A ::= SEQUENCE { b B, c C, d D }\nB ::= REAL\nC ::= SET {}\nD ::= E\nF ::= REAL")
-    assert problems(text) == [
-        "m.asn:3: unsupported: REAL (X.680 21)",
-        "m.asn:4: unsupported: SET (X.680 27)",
-        "m.asn:5: E is neither defined nor imported",
-    ]
+    *unsupported, undefined = problems(text)
+    assert unsupported == ["m.asn:3: unsupported: REAL (X.680 21)", "m.asn:4: unsupported: SET (X.680 27)"]
+    assert tells(undefined, "m.asn:5: E ", "defined", "imported")
 
 
 def test_every_unsupported_component_is_told_though_they_stand_in_one_type() -> None:
@@ -106,8 +105,9 @@ def test_an_import_from_a_module_that_is_not_there_names_the_line_of_the_import(
     assert problems(text) == ["m.asn:3: no module Nowhere to import B from"]
 
 
-def test_a_text_without_a_module_is_no_text() -> None:
-    assert problems("-- only a comment") == ["m.asn:1: no module in this file (X.680 13.1)"]
+def test_text_without_a_module_is_refused() -> None:
+    (why,) = problems("-- only a comment")
+    assert tells(why, "m.asn:1: ", "no module", "(X.680 13.1)")
 
 
 def test_deep_nesting_ends_in_a_fault() -> None:

@@ -15,6 +15,7 @@ from tests.asn1.compiled import schema_of
 from tests.asn1.ranges import read_as
 from tests.asn1.reach import pruned
 from tests.asn1.reference import Encoder
+from tests.said import tells
 
 SCHEMA = load_schema()
 FORMS = {name: message for name, message in SCHEMA.messages.items() if message.form_of}
@@ -74,19 +75,19 @@ def test_both_forms_have_one_ros_2_type(name: str):
         assert package.editions == (both[0],)
 
 
-def test_a_page_names_the_ext_form_of_its_message(tmp_path):
+def test_page_of_a_message_names_its_ext_form(tmp_path):
     pages.write(SCHEMA, ["cpm-2.1.1", "cpm-2.1.1-ext"], tmp_path, lambda what: None)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["README.md", "cpm-2.1.1.md"]
-    assert "`cpm-2.1.1-ext`: ETSI TS 103 324 v2.1.1, with the extension bit" in (tmp_path / "cpm-2.1.1.md").read_text()
+    assert tells((tmp_path / "cpm-2.1.1.md").read_text(), "`cpm-2.1.1-ext`: ETSI TS 103 324 v2.1.1, ", "extension bit")
 
 
 @pytest.mark.parametrize("name", FORMS)
-def test_a_form_differs_from_its_message_in_its_name_standard_and_rank_alone(name: str):
+def test_form_of_a_message_differs_in_name_standard_and_rank_alone(name: str):
     form, strict = captain_messages.find(name), captain_messages.find(FORMS[name].form_of)
     assert name == f"{strict.name}-ext"
     assert (form.form_of, strict.form_of) == (strict.name, "")
     assert form.rank > strict.rank
-    assert form.standard.startswith(f"{strict.standard}, with the extension bit of ")
+    assert tells(form.standard, f"{strict.standard}, ", "extension bit")
     for what in ("type", "release", "module", "pdu", "ids", "versions", "btp_port", "is_experimental"):
         assert getattr(form, what) == getattr(strict, what)
 

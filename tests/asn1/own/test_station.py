@@ -10,6 +10,7 @@ import pytest
 from asn1 import cli
 from asn1.own import station
 from asn1.own.wish import WishError
+from tests.said import tells
 
 ASN = """
 My-Module DEFINITIONS AUTOMATIC TAGS ::= BEGIN
@@ -41,7 +42,7 @@ def rows(path: Path) -> list[dict[str, object]]:
     return found
 
 
-def test_added_message_has_a_row_with_defaults_that_the_output_names(
+def test_message_that_is_added_has_a_row_with_defaults_that_the_output_names(
     tmp_path: Path, types: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert add(tmp_path) == 0
@@ -53,7 +54,7 @@ def test_added_message_has_a_row_with_defaults_that_the_output_names(
         f"registered in {types}: type my_alarm, messageID 240, BTP port 2999, "
         "traffic class 2, priority 3, lifetime 1 s\n" in said
     )
-    assert "stations that run take a new type within a second" in said
+    assert tells(said, "\n", "stations", "new type", "second")
 
 
 def test_options_of_add_are_in_the_row(tmp_path: Path, types: Path) -> None:
@@ -83,20 +84,18 @@ def test_removed_message_has_no_row_and_the_others_keep_theirs(
 @pytest.mark.parametrize(
     ("number", "said"),
     [
-        (2, "messageID 2 is that of cam-1.4.1; to replace it, write [[types]] in captain.toml"),
-        (240, "has messageID 240 as one; remove that row, or choose another --id"),
+        (2, ("messageID 2 ", "cam-1.4.1; ", "[[types]]", "captain.toml")),
+        (240, ("messageID 240 ", "one; ", "--id")),
     ],
 )
 def test_message_with_a_known_number_is_added_and_not_registered(
-    tmp_path: Path, types: Path, capsys: pytest.CaptureFixture[str], number: int, said: str
+    tmp_path: Path, types: Path, capsys: pytest.CaptureFixture[str], number: int, said: tuple[str, ...]
 ) -> None:
     assert add(tmp_path, "one", 240) == 0
     before = types.read_text()
     assert add(tmp_path, "two", number) == 0
-    assert f"warning: not registered with the station: {types if number == 240 else ''}" in (
-        warned := capsys.readouterr().err
-    )
-    assert said in warned
+    place = str(types) if number == 240 else ""
+    assert tells(capsys.readouterr().err, "warning: ", "not registered", f": {place}", *said)
     assert types.read_text() == before
     assert (tmp_path / "own" / "two.toml").exists()
 
@@ -142,7 +141,7 @@ def test_empty_variable_leaves_the_station_out(
 ) -> None:
     monkeypatch.setenv("CAPTAIN_TYPES", "")
     assert add(tmp_path) == 0
-    assert "not registered with the station: CAPTAIN_TYPES is empty" in capsys.readouterr().out
+    assert tells(capsys.readouterr().out, "not registered", ": CAPTAIN_TYPES ", "empty")
     assert remove(tmp_path, "my-alarm") == 0
 
 

@@ -6,6 +6,7 @@ from itertools import pairwise
 import pytest
 
 from tests.asn1.walker import Refusal, Step, Walker, build
+from tests.said import tells
 
 
 @pytest.fixture(scope="module")
@@ -166,18 +167,20 @@ def test_an_open_type_may_have_many_fragments(walker: Walker) -> None:
     assert [step.bit for step in steps] == sorted(step.bit for step in steps)
 
 
-def test_fragments_of_an_open_type_are_there_before_its_value_is_looked_at(walker: Walker) -> None:
+def test_fragments_of_an_open_type_are_checked_before_its_value(walker: Walker) -> None:
     assert walker.explain("which", bits("1 0000000") + "c1" + "80" + "00" * 16383)[1].status == "truncated"
     assert (
         walker.explain("which", bits("1 0000000") + "c1" + "80" + "00" * 16383 + "c0")[1].status == "malformed length"
     )
     end = walker.explain("which", bits("1 0000000") + "c1" + "80" + "00" * 16383 + "00")[1]
-    assert end == Refusal("malformed length", 17, "extra", "the open type is longer than its value by 16383 octets")
+    assert end[:3] == ("malformed length", 17, "extra")
+    assert tells(end.text, "open type", "longer", "16383 octets")
 
 
-def test_elements_without_bits_cannot_make_it_work_for_long(walker: Walker) -> None:
-    assert walker.explain("nulls", "c4" * 1000)[1].status == "wrong size"
-    assert walker.explain("nulls", "c4" * 1000)[1].text.startswith("nothing bounds the number of elements")
+def test_elements_without_bits_are_refused_beyond_a_number(walker: Walker) -> None:
+    refusal = walker.explain("nulls", "c4" * 1000)[1]
+    assert refusal.status == "wrong size"
+    assert tells(refusal.text, "number of elements")
 
 
 def test_depth_is_bounded(walker: Walker) -> None:

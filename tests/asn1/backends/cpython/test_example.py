@@ -7,6 +7,7 @@ import pytest
 from asn1.backends.c.short_names import short_names
 from asn1.backends.ros2.access import UNITS
 from tests.asn1.codec import CAM, captain_messages
+from tests.said import tells
 
 EDITIONS = [message for message in captain_messages.all() if message.ids]
 NAMES = [(message, name) for message in EDITIONS for name in message.short_names]
@@ -156,14 +157,14 @@ def test_an_invalid_field_is_refused_with_path_value_and_range(fields, said):
     assert str(refused.value) == said
 
 
-def test_an_unknown_name_lists_the_paths_that_it_could_mean():
+def test_unknown_name_is_refused_with_the_paths_that_it_could_mean():
     with pytest.raises(captain_messages.EncodeError) as refused:
         captain_messages.example("mapem", lat=48.7)
     assert refused.value.path == "lat"
-    assert refused.value.reason.startswith(
-        "is no short name of mapem-2.1.1; write its path: map.intersections[0].refPoint.lat, "
-        "map.intersections[0].laneSet[0].nodeList.nodes[0].delta.node-LatLon.lat, "
+    paths = (
+        "map.intersections[0].refPoint.lat, map.intersections[0].laneSet[0].nodeList.nodes[0].delta.node-LatLon.lat, "
     )
+    assert tells(refused.value.reason, "short name", "mapem-2.1.1; ", paths)
     assert refused.value.reason.endswith("more")
 
 
