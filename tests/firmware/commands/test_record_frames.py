@@ -15,6 +15,7 @@ import pytest
 from firmware import cli
 from tests.firmware.commands.fake import FakeControl, FakeStation
 from tests.firmware.recorder.reported_frames import FRAME, message, read
+from tests.said import tells
 
 ROOT = Path(__file__).parents[3]
 
@@ -29,7 +30,7 @@ def test_frames_are_recorded_with_what_is_known_of_their_station(tmp_path, capsy
     assert found[0].recording["station"] == "fake"
     assert found[0].description == "its-g5 by udp"
     said = capsys.readouterr().err
-    assert said.startswith(f"captain: a station is heard at 127.0.0.1:{station.ports[3]}\n")
+    assert tells(said.splitlines()[0], "captain: ", "station", f" 127.0.0.1:{station.ports[3]}")
     assert said.endswith(f"captain: {path}: 3 frames, 2 lost\n")
 
 
@@ -122,39 +123,39 @@ def test_what_cannot_be_written_is_told_with_a_remedy(tmp_path, capsys, options,
     assert (tmp_path / "there").read_text() == "mine"
 
 
-def test_a_disk_that_takes_nothing_makes_it_fail(tmp_path, monkeypatch, capsys):
+def test_recording_to_a_disk_that_takes_nothing_fails_with_its_losses(tmp_path, monkeypatch, capsys):
     def full(segment):
-        raise OSError(errno.ENOSPC, "No space left on device")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr("firmware.recorder.filing.Segment.store", full)
     path = tmp_path / "a"
     with FakeStation(reports=[message(1), message(2)]) as station:
         assert cli.main(["record", "--pcapng", str(path), *station.options, "--duration", "0.5"]) == 1
     said = capsys.readouterr().err
-    assert f"{path}: no space left on device; frames count as lost" in said
+    assert tells(said, f"{path}: {os.strerror(errno.ENOSPC).lower()}; ", "lost")
     assert said.endswith(f"{path}: 0 frames, 2 lost\n")
 
 
 @pytest.mark.parametrize(
     "option", [["--size", "5"], ["--age", "60"], ["--on", "denm"], ["--before", "0.5"], ["--after", "1"]]
 )
-def test_what_a_ring_has_no_file_has(tmp_path, option, capsys):
+def test_recording_to_a_file_with_an_option_of_a_ring_is_refused(tmp_path, option, capsys):
     assert cli.main(["record", "--pcapng", str(tmp_path / "a"), *option]) == 2
-    assert f"captain: {' '.join(option)}: only a ring has this option" in capsys.readouterr().err
+    assert tells(capsys.readouterr().err, f"captain: {' '.join(option)}: ", "ring")
     assert not (tmp_path / "a").exists()
 
 
-def test_without_a_station_no_file_is_left(tmp_path, capsys):
+def test_recording_without_a_station_leaves_no_file(tmp_path, capsys):
     assert cli.main(["record", "--pcapng", str(tmp_path / "a"), "--station", "127.0.0.1:9"]) == 1
-    assert "no station answers at 127.0.0.1:12" in capsys.readouterr().err
+    assert tells(capsys.readouterr().err, "no station ", " 127.0.0.1:12")
     assert not (tmp_path / "a").exists()
 
 
-def test_a_duration_without_a_station_is_no_recording(tmp_path, capsys):
+def test_recording_of_a_duration_without_a_station_fails(tmp_path, capsys):
     with socket.create_server(("127.0.0.1", 0)) as mute:
         at = ["--station", "127.0.0.1:9", "--report", str(mute.getsockname()[1])]
         assert cli.main(["record", "--pcapng", str(tmp_path / "a"), *at, "--duration", "0.3"]) == 1
-    assert ": no station was heard" in capsys.readouterr().err
+    assert tells(capsys.readouterr().err, ": ", "no station ", "heard")
     assert not (tmp_path / "a").exists()
 
 
@@ -172,10 +173,10 @@ def test_a_station_is_told_to_keep_what_was(tmp_path, capsys):
     assert capsys.readouterr().out == "captain: the recorder keeps /data/ring/kept-*\n"
 
 
-def test_something_has_to_be_recorded(capsys):
+def test_recording_without_a_destination_is_refused(capsys):
     with pytest.raises(SystemExit):
         cli.main(["record"])
-    assert "one of the arguments" in capsys.readouterr().err
+    assert tells(capsys.readouterr().err, "captain record: ", "--pcapng")
 
 
 def test_rubbish_of_a_station_is_passed_over(tmp_path):

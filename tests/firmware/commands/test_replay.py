@@ -15,6 +15,7 @@ from firmware.replay.ends import StationEnd
 from tests.firmware.commands.fake import FakeStation
 from tests.firmware.commands.test_send import refused, sent_by
 from tests.firmware.replay.test_rewriting import frame_of
+from tests.said import tells
 
 PDUS = [one.pdu for one in vectors()]
 AREA = Area(Shape.ELLIPSE, Position(487_668_616, 114_320_680), 500, 100, 45)
@@ -146,14 +147,14 @@ def test_a_refused_message_is_the_error_in_the_summary(drive, capsys):
     assert json.loads(capsys.readouterr().out)["error"] == (f"{drive[0]}: frame 1: refused: short-pdu (too short)")
 
 
-def test_a_replay_to_a_closed_port_gives_a_program_the_remedy(drive, capsys):
+def test_replay_to_a_closed_port_gives_error_and_hint_as_json(drive, capsys):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as held:
         held.bind(("127.0.0.1", 0))
         port = held.getsockname()[1]
     assert cli.main(["replay", "--json", drive[0], "--udp", f"127.0.0.1:{port}"]) == 1
     told = json.loads(capsys.readouterr().out)
-    assert told["error"] == f"no receiver listened to {told['unheard']} datagrams"
-    assert told["hint"] == "start the receiver first"
+    assert tells(told["error"], "no receiver", f" {told['unheard']} datagrams")
+    assert "receiver first" in told["hint"]
 
 
 @pytest.mark.parametrize(("framing", "head"), [("pdu", b""), ("btp", bytes.fromhex("07d10000"))])
@@ -225,20 +226,20 @@ def test_wrong_usage_is_told_as_such(words, capsys):
     assert capsys.readouterr().err
 
 
-def test_datagrams_that_nobody_listens_to_make_it_fail(tmp_path, capsys):
+def test_replay_of_datagrams_to_a_closed_port_fails_with_their_count(tmp_path, capsys):
     path = tmp_path / "a.hex"
     path.write_text("\n".join([PDUS[1].hex()] * 3))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
         holder.bind(("127.0.0.1", 0))
         to = "{}:{}".format(*holder.getsockname())
     assert cli.main(["replay", str(path), "--udp", to, "--rate", "0"]) == 1
-    assert "3 refused: no program listens at the address" in capsys.readouterr().err
+    assert tells(capsys.readouterr().err, "3 refused: ", "no program")
 
 
-def test_a_folder_without_a_file_is_told(tmp_path, capsys):
+def test_replay_of_a_folder_without_a_file_is_refused(tmp_path, capsys):
     (tmp_path / "inner").mkdir()
     assert cli.main(["replay", str(tmp_path), "--udp", "127.0.0.1:9"]) == 1
-    assert f"captain: {tmp_path}: it holds no file" in capsys.readouterr().err
+    assert tells(capsys.readouterr().err, f"captain: {tmp_path}: ", "no file")
 
 
 def test_sigterm_ends_it_with_its_summary(tmp_path, capsys, monkeypatch):

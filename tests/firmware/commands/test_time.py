@@ -178,10 +178,10 @@ def test_a_plot_that_cannot_be_is_refused(tmp_path: Path, name: str, said: str) 
     assert isinstance(caught.value, UsageError) is name.endswith("png")
 
 
-def test_without_a_history_there_is_nothing_to_draw(tmp_path: Path) -> None:
+def test_plot_without_a_history_is_refused_with_what_the_clock_lacks(tmp_path: Path) -> None:
     with pytest.raises(StationError, match="no history") as caught:
-        run(tmp_path, "--plot", str(tmp_path / "a.svg"), clock={"missing": "the board file needs [pulse]"})
-    assert caught.value.hint == "the board file needs [pulse]"
+        run(tmp_path, "--plot", str(tmp_path / "a.svg"), clock={"missing": "no [pulse]"})
+    assert caught.value.hint == "no [pulse]"
 
 
 def test_where_no_station_runs_it_is_said_what_to_do(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import pytest
 from firmware import cli
 from firmware.commands import demo
 from firmware.lab import ports
+from tests.said import tells
 
 CAM = "0202000011d700010203"
 
@@ -23,9 +24,9 @@ def at(station: demo.DemoStation) -> list[str]:
     return ["--station", f":{station.place.from_users}"]
 
 
-def test_what_is_sent_is_confirmed_and_stands_in_the_status(stations, capsys):
+def test_messages_that_are_sent_are_confirmed_and_counted_in_the_status(stations, capsys):
     assert cli.main(["send", *at(stations[0]), "--rate", "0", "--count", "50", CAM]) == 0
-    assert "50 given to the station: 50 sent" in capsys.readouterr().out
+    assert tells(capsys.readouterr().out, "50 given", ": 50 sent")
     assert cli.main(["status", *at(stations[0]), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["station"] == "A"
@@ -57,7 +58,7 @@ def test_neighbours_are_heard(stations, capsys):
     assert all(len(one["hex"]) == 2 * one["octets"] and one["source_mac"] for one in found)
 
 
-def test_a_running_station_is_named_by_the_doctor(stations, capsys):
+def test_station_that_runs_is_named_by_the_doctor(stations, capsys):
     first = stations[0].place.from_users
     keys = ("from_users", "to_users", "pull", "report")
     options = [word for at, key in enumerate(keys) for word in ("--set", f"endpoint.{key}={first + at}")]
@@ -67,5 +68,5 @@ def test_a_running_station_is_named_by_the_doctor(stations, capsys):
     assert there is not None
     assert texts["endpoint"].endswith(f"belong to {ports.holder(there)}")
     # The demo's station has udp as g5, the configuration that doctor checks has som301e of the simulated board.
-    assert not any("in the running station" in text for subject, text in texts.items() if "interface" in subject)
+    assert not any("running station" in text for subject, text in texts.items() if "interface" in subject)
     assert texts["slot v2x"].startswith("som301e: ")
