@@ -27,11 +27,11 @@ def test_rules_that_cannot_be_are_a_mistake(wrong: dict[str, object]):
         {"types": {"cma": TypeRule(qos=1)}},
     ],
 )
-def test_a_type_that_the_station_does_not_have_is_a_mistake(wrong: dict[str, Any]):
+def test_type_that_the_station_does_not_have_is_a_mistake_with_the_nearest_one(wrong: dict[str, Any]):
     rows: dict[str, Any] = {"publish": (), "subscribe": ()}
     with pytest.raises(ConfigurationError, match="types: unknown type: 'cma'") as refused:
         ProfileDescription("mine", **rows | wrong).check_types(("denm", "cam", ""))
-    assert refused.value.hint == "did you mean cam?"
+    assert "cam?" in refused.value.hint
 
 
 def test_a_type_without_a_name_is_called_by_its_message_id():

@@ -9,6 +9,7 @@ from drivers.message import Ego, Position
 from drivers.mqtt.profile import load
 from drivers.wire.v2n.description import ProfileDescription, PublishRow, SubscribeRow, Tiles
 from tests.drivers.wire.v2n.station import HERE, NOW_MS, NOWHERE, PDU, delivered, profile
+from tests.said import tells
 
 TILED = ProfileDescription(
     name="tiled",
@@ -62,29 +63,39 @@ def test_without_a_position_nothing_is_published_by_tile_and_it_says_why():
     assert "tiles.fallback" in refused.value.hint
 
 
-def test_without_a_position_rows_that_are_not_by_tile_publish_on_and_the_link_is_up():
+def test_rows_that_are_not_by_tile_without_a_position_publish_and_the_link_is_up():
     rows = (*TILED.publish, PublishRow("all/{type}", "binary"))
     station = profile(replace(TILED, publish=rows))
     (found,) = station.publications("cam", 1, PDU, NOWHERE, NOW_MS)
     assert found.topic == "all/cam"
-    assert station.missing == "profile tiled publishes by tile, and the position is not known"
-    assert station.lacks(NOWHERE) == (False, "no position: nothing is published or subscribed by tile")
+    assert tells(station.missing, "profile tiled ", "tile", "position")
+    is_all, why = station.lacks(NOWHERE)
+    assert not is_all
+    assert tells(why, "no position: ", "published", "subscribed")
     assert len(station.publications("cam", 1, PDU, HERE, NOW_MS)) == 2
     assert station.missing == ""
 
 
-def test_what_is_not_done_without_a_position_is_told_in_words():
+def test_profile_by_tile_without_a_position_names_what_is_not_done():
     station = profile(TILED)
     assert station.lacks(HERE) == (False, "")
-    assert station.lacks(NOWHERE) == (True, "no position: nothing is published or subscribed by tile")
+    is_all, why = station.lacks(NOWHERE)
+    assert is_all
+    assert tells(why, "no position: ", "published", "subscribed")
     station.subscriptions(HERE)
-    assert station.lacks(NOWHERE) == (True, "no position: nothing is published by tile")
+    is_all, why = station.lacks(NOWHERE)
+    assert is_all
+    assert tells(why, "no position: ", "published")
+    assert "subscribed" not in why
 
 
-def test_a_profile_that_publishes_without_tiles_or_has_a_fallback_needs_no_position_for_that():
+def test_profile_that_publishes_without_tiles_or_has_a_fallback_needs_no_position_for_that():
     untiled = (PublishRow("t/{type}", "binary"),)
     station = profile(replace(TILED, publish=untiled))
-    assert station.lacks(NOWHERE) == (False, "no position: nothing is subscribed by tile")
+    is_all, why = station.lacks(NOWHERE)
+    assert not is_all
+    assert tells(why, "no position: ", "subscribed")
+    assert "published" not in why
     assert profile(replace(TILED, tiles=Tiles(fallback="12022230212021302"))).lacks(NOWHERE) == (False, "")
     assert profile("raw").lacks(NOWHERE) == (False, "")
 
