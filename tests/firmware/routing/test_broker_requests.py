@@ -80,7 +80,8 @@ def test_refused_request_is_confirmed_and_counted_with_its_origin(
     ask(bench)
     ask(bench)
     assert set(bench.refusals()) == {reason}
-    assert bench.confirms[-1][0].detail == ("it came from nap" if reason is Reason.NO_INTERFACE else "")
+    assert bench.confirms[-1][0].detail.endswith(" nap" if reason is Reason.NO_INTERFACE else "")
+    assert bool(bench.confirms[-1][0].detail) is (reason is Reason.NO_INTERFACE)
     assert bench.drops.total(FROM_BROKERS, reason) == len(bench.refusals())
 
 

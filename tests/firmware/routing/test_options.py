@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from board.runtime.errors import RequestError
 from drivers.message import Area, Position, Shape
 from firmware.routing.options import MAX_FRAME, NO_OPTIONS, Parsed, parse
+from tests.said import tells
 
 CIRCLE = {"shape": "circle", "latitude": 48.7668616, "longitude": 11.432068, "distance_a": 500}
 
@@ -123,9 +124,9 @@ def test_an_area_without_this_key_is_refused(key: str) -> None:
     assert f"options: area.{key}: is missing" in refusal(json.dumps({"area": area}).encode())
 
 
-def test_an_unknown_key_is_refused_with_the_one_that_was_meant() -> None:
-    assert "did you mean priority?" in refusal(b'{"prioritty": 1}')
-    assert "did you mean lifetime_s?" in refusal(b'{"lifetime": 1}')
+def test_key_that_is_unknown_is_refused_with_the_nearest_one() -> None:
+    assert tells(refusal(b'{"prioritty": 1}'), "prioritty", " priority?")
+    assert tells(refusal(b'{"lifetime": 1}'), "lifetime", " lifetime_s?")
 
 
 def test_all_mistakes_of_a_frame_are_named_at_once() -> None:
