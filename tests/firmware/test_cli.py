@@ -12,6 +12,7 @@ import pytest
 
 from board.runtime.errors import ConfigurationError, StationError, UsageError
 from firmware import VERSION, cli, commands
+from tests.said import tells
 
 ROOT = Path(__file__).parents[2]
 
@@ -269,13 +270,13 @@ def captain(
     )
 
 
-def test_a_wrong_configuration_ends_the_program_with_1_and_no_traceback(tmp_path: Path) -> None:
+def test_configuration_with_mistakes_ends_the_program_with_1_and_no_traceback(tmp_path: Path) -> None:
     path = tmp_path / "captain.toml"
     path.write_text("[station]\nnam = 5\n[endpoint]\npull = 99999\n")
     ended = captain("run", "--config", str(path))
     assert ended.returncode == 1
     assert "Traceback" not in ended.stderr
-    assert f"{path}: station.nam: is not a known key; did you mean name?" in ended.stderr
+    assert tells(ended.stderr, f"{path}: station.nam: ", "not a known key; ", " name?")
     assert f"{path}: endpoint.pull: " in ended.stderr
 
 
@@ -358,7 +359,7 @@ def test_a_command_that_was_cut_off_by_its_reader_is_not_done(monkeypatch: pytes
 
 
 @pytest.mark.parametrize("verb", ["run", "doctor"])
-def test_a_file_of_2003_mistakes_gives_fifty_and_their_count(
+def test_file_of_2003_mistakes_gives_fifty_and_their_count(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
 ) -> None:
     wrong = tmp_path / "captain.toml"
@@ -366,4 +367,4 @@ def test_a_file_of_2003_mistakes_gives_fifty_and_their_count(
     assert cli.main([verb, "--config", str(wrong)]) == 1
     said = " ".join("".join(capsys.readouterr()).split())  # the doctor folds lines
     assert said.count("is not a known key") == 50
-    assert "1953 more mistakes; check that this is the right file" in said
+    assert tells(said, "1953 more mistakes; ", "right file")

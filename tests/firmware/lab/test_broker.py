@@ -11,6 +11,7 @@ from board.runtime.errors import StationError
 from drivers.mqtt.options import MqttOptions
 from firmware.config import captain_toml
 from firmware.lab.broker import Broker
+from tests.said import tells
 
 HOST = "127.0.0.1"
 
@@ -22,11 +23,13 @@ def port() -> int:
         return int(probe.getsockname()[1])
 
 
-def test_without_mosquitto_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, port: int, tmp_path: Path) -> None:
+def test_broker_without_mosquitto_is_refused_with_its_package(
+    monkeypatch: pytest.MonkeyPatch, port: int, tmp_path: Path
+) -> None:
     monkeypatch.setattr(shutil, "which", lambda name, path: None)
     with pytest.raises(StationError, match="the program mosquitto is missing") as caught:
         Broker(HOST, port, tmp_path)
-    assert caught.value.hint == "install the package mosquitto"
+    assert tells(caught.value.hint, "install", "mosquitto")
 
 
 def test_without_openssl_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, port: int, tmp_path: Path) -> None:

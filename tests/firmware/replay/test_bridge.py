@@ -23,6 +23,7 @@ from firmware.replay.bridge import Bridge, Side, Way
 from tests.firmware.commands import fake
 from tests.firmware.commands.fake import FakeStation
 from tests.firmware.replay.test_rewriting import frame_of
+from tests.said import tells
 
 PDUS = [one.pdu for one in vectors()]
 HOST = "127.0.0.1"
@@ -170,7 +171,7 @@ def test_how_often_a_user_of_a_station_fell_behind_meanwhile_is_what_it_says(mon
         ear.close()
 
 
-def test_it_is_told_with_what_else_became_of_the_way(peers, capsys, monkeypatch):
+def test_summary_of_a_way_names_how_often_its_user_fell_behind(peers, capsys, monkeypatch):
     monkeypatch.setattr(ears.StationEar, "fell_behind", lambda ear: 2)
     station = FakeStation([(b"v2x.cam.", PDUS[1])])
     place = client.Address(HOST, *station.ports)
@@ -181,7 +182,7 @@ def test_it_is_told_with_what_else_became_of_the_way(peers, capsys, monkeypatch)
         assert json.loads(impair.as_json([way]))["ways"][0]["fell_behind"] == 2
         for one in (a.ear, a.end, b.ear, b.end):
             one.close()  # type: ignore[attr-defined]
-    assert "a user of the station fell behind 2 times; its losses are not in these counts" in said
+    assert tells(said, "user of the station", "behind 2 times; ", "losses")
 
 
 @pytest.mark.parametrize(
@@ -197,9 +198,9 @@ def test_it_is_told_with_what_else_became_of_the_way(peers, capsys, monkeypatch)
         ("station:127.0.0.1:29001", "station::29001"),
     ],
 )
-def test_a_way_that_would_carry_its_own_frames_for_ever_is_refused(a, b, capsys):
+def test_way_that_would_carry_its_own_frames_for_ever_is_refused(a, b, capsys):
     assert cli.main(["impair", a, b, "--duration", "0.1"]) == 2
-    assert "would receive messages that this program sends" in capsys.readouterr().err
+    assert tells(capsys.readouterr().err, "captain: ", "receive messages", "this program sends")
 
 
 def test_at_any_address_of_this_machine_nothing_is_heard_of_what_goes_to_another(capsys, monkeypatch):
