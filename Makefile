@@ -4,7 +4,7 @@
 .DEFAULT_GOAL := help
 .PHONY: help setup packages run codec wheels import-check docs reference test fresh test-binary test-binary-directory test-binary-file check arcs mutants portable fuzz truth dialects \
 	bench bench-station bench-json bench-messages bench-v2n bench-time bench-record bench-ros2 bench-before lab meter attack chaos outages client facilities fleet swarm \
-	kernel ros2 clock days chronyd binary deb image image-test programs programs-test release flash lock proof clean
+	kernel ros2 clock days chronyd binary deb deb-test image image-test programs programs-test release flash lock proof clean
 
 # The last commit before the code lay in packages, whose figures tests/bench/FIGURES.md has.
 BEFORE ?= d0166e94
@@ -178,6 +178,9 @@ binary: setup-freeze setup ## build captain as one file and as a directory; in b
 
 deb: setup-freeze setup ## build both Debian packages for this machine's processor, without root; in build/deb
 	@.venv/bin/python -m image.program.native
+
+deb-test: setup-image deb ## both packages in new Debian 12 and 13 roots, as root; ARGS='--suites bookworm', ARGS='--made build/programs --arch arm64'
+	@.venv/bin/python -m tests.programs.packages $(ARGS)
 
 image: setup-image ## build the card of a Raspberry Pi 4; build/captain-VERSION-arm64.img, checked; ARGS='build --upgrade', ARGS=twice
 	@.ci/image $(ARGS)

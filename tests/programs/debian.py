@@ -48,9 +48,8 @@ class Debian:
 
     def run(self, *words: str) -> "subprocess.CompletedProcess[str]":
         """A program in it, with its output and errors in one."""
-        enter = ["unshare", "--mount", "--net", "sh", "-c", _ENTER, "sh", str(self.root), str(self._files)]
         return subprocess.run(
-            [*enter, *words],
+            self._entered(words),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -59,3 +58,17 @@ class Debian:
             check=False,
             timeout=MOST_S,
         )
+
+    def start(self, *words: str) -> "subprocess.Popen[str]":
+        """Start a program in it; its errors go to the output. The process is the program itself, for nsenter."""
+        return subprocess.Popen(
+            self._entered(words),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+        )
+
+    def _entered(self, words: tuple[str, ...]) -> list[str]:
+        return ["unshare", "--mount", "--net", "sh", "-c", _ENTER, "sh", str(self.root), str(self._files), *words]

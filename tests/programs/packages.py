@@ -1,0 +1,182 @@
+"""make deb-test: both Debian packages in new roots: installed offline, run as their unit says, upgraded, purged."""
+
+import argparse
+import contextlib
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from image import own_files
+from image.errors import ImageError
+from image.packages import native_architecture
+from image.program import box, deb
+from image.project import version
+from image.tool import run
+from tests.programs import forms
+from tests.programs.debian import PROJECT, Debian
+from tests.proof.image.rows import Row, keep
+
+MADE = PROJECT / "build/deb"
+RESULTS = PROJECT / "build/deb-test/results.json"
+SUITES = {"bookworm": "Debian 12", "trixie": "Debian 13"}
+DECLARED = ["passwd", "procps", "udev", "systemd", "chrony"]
+# By the control socket, which the group may use; the report port is open to all users.
+STATUS = ("captain", "status", "--control", "/run/captain/captain-5555.sock")
+MOST_S = 120.0  # until a heartbeat arrives; in emulation the station starts in 20 s
+# Paths, and contents of all files in etc, of what packages may change. dpkg's and apt's own records stay.
+STATE = r"""
+find / -xdev -path /proc -prune -o -path /dev -prune -o -path /mnt -prune -o -path /run -prune -o -path /var/lib/dpkg -prune -o \
+    -path /var/cache -prune -o -path /var/lib/apt -prune -o -path /var/log -prune -o -path '/etc/*-' -prune -o -print
+find /etc -type f ! -path '/etc/*-' -exec md5sum {} +
+"""
+_HEARD = """
+import sys, zmq
+heard = zmq.Context().socket(zmq.SUB)
+heard.connect("tcp://127.0.0.1:5556")
+heard.subscribe("hb.")
+heard.poll(int(sys.argv[1])) and print(heard.recv_multipart()[0].decode())
+"""
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="make deb-test", description=__doc__)
+    parser.add_argument("--suites", metavar="SUITE", nargs="+", choices=SUITES, default=list(SUITES))
+    parser.add_argument("--arch", default=native_architecture(), help="of the package; default: this machine's")
+    parser.add_argument(
+        "--made", metavar="DIR", type=Path, default=MADE, help="the packages' folder; default: build/deb"
+    )
+    arguments = parser.parse_args()
+    packages = [arguments.made / name for name in names(arguments.arch)]
+    for path in packages:
+        if not path.exists():
+            print(f"deb-test: {path}: is missing; make deb builds it", file=sys.stderr)
+            return 2
+    missed = 0
+    for suite in arguments.suites:
+        part, began, found = f"{arguments.arch}, {SUITES[suite]}", time.monotonic(), []
+        print(f"{part}:", flush=True)
+        for row in _ended(part, suite, arguments.arch, packages):
+            print(row, flush=True)
+            found.append(row)
+        keep(RESULTS, part, version(), found, time.monotonic() - began)
+        missed += sum(not row.is_ok for row in found)
+    print(f"{missed} rows miss their goal; rows: {RESULTS}")
+    return 1 if missed else 0
+
+
+def names(architecture: str) -> tuple[str, str]:
+    """Names of the files of both packages."""
+    return f"captain_{version()}_{architecture}.deb", f"{box.NAME}_{version()}_all.deb"
+
+
+def _ended(part: str, suite: str, architecture: str, packages: list[Path]) -> Iterator[Row]:
+    try:
+        with tempfile.TemporaryDirectory(prefix="captain-") as name:
+            folder = Path(name)
+            yield forms.floor_row("C library", forms.unpack_package(packages[0], folder / "unpacked"))
+            yield from _in_debian(Debian(suite, architecture, DECLARED, folder), packages, folder)
+    except (ImageError, OSError, subprocess.SubprocessError) as error:
+        yield Row(f"{part} comes to its end", str(error), "its end", False)
+
+
+def _in_debian(debian: Debian, packages: list[Path], folder: Path) -> Iterator[Row]:
+    apt = "apt-get -qq -y --no-install-recommends -o APT::Sandbox::User=root"
+    yield _row("Debian's own packages", debian.run("sh", "-c", f"{apt} update && {apt} install {' '.join(DECLARED)}"))
+    before = debian.run("sh", "-c", STATE).stdout
+    inside = " ".join(debian.copy(package) for package in packages)
+    yield _row("apt installs both, offline", debian.run("sh", "-c", f"{apt} install {inside}"))
+    yield _quiet("dpkg --verify", debian.run("dpkg", "--verify", "captain", box.NAME))
+    unit = "/usr/lib/systemd/system/captain.service"
+    yield _quiet("systemd-analyze verify", debian.run("systemd-analyze", "verify", unit))
+    ended = debian.run("chronyd", "-p", "-f", "/etc/chrony/chrony.conf")
+    is_source = "refclock SOCK /run/chrony.captain.sock" in ended.stdout
+    yield _row("chronyd reads its source", ended, "with the refclock" if is_source else ended.stdout, is_source)
+    yield from _running(debian)
+    ended = debian.run("captain", "doctor", "--config", "/etc/captain/captain.toml", "--board", "none")
+    yield _row("doctor", ended, ended.stdout.strip().splitlines()[-1], "problems: 0," in ended.stdout)
+    own = debian.root / "etc/captain/captain.toml"
+    own.write_text(f"{own.read_text()}# mine\n")
+    newer = debian.copy(_later(packages[0], folder))
+    yield _row("upgrade", debian.run("sh", "-c", f"{apt} install {newer}"))
+    yield Row("upgrade keeps the owner's file", own.read_text().splitlines()[-1], "# mine", "# mine" in own.read_text())
+    yield _row("purge", debian.run("sh", "-c", f"{apt} purge captain {box.NAME}"))
+    left = difference(before, debian.run("sh", "-c", STATE).stdout)
+    yield Row("purge leaves", ", ".join(left[:3]) or "nothing", "nothing", not left)
+
+
+def difference(before: str, after: str) -> list[str]:
+    """Lines that only one of two states has."""
+    return sorted(set(before.splitlines()) ^ set(after.splitlines()))
+
+
+def _running(debian: Debian) -> Iterator[Row]:
+    """The station as its unit starts it, by hand: no systemd runs in a root."""
+    debian.run("useradd", "--groups", "captain", "member")
+    debian.run("useradd", "stranger")
+    debian.run("install", "-d", "-o", "captain", "-g", "captain", "-m", "0750", "/run/captain", "/var/lib/captain")
+    station = debian.start(*_as("captain"), "sh", "-c", f"export RUNTIME_DIRECTORY=/run/captain; exec {command()}")
+    beside = ["nsenter", f"--target={station.pid}", "--net"]
+    try:
+        time.sleep(1.0)  # until unshare has made the network
+        heard = _run([*beside, str(PROJECT / ".venv/bin/python"), "-c", _HEARD, str(int(MOST_S * 1000))])
+        yield _row("heartbeat, from outside", heard, is_ok=heard.stdout.startswith("hb."))
+        entered = [*beside, "--mount", "--root", "env", "PATH=/usr/bin:/bin"]
+        ended = _run([*entered, *_as("member"), *STATUS])
+        yield _row("status, as a member of the group", ended, f"{len(ended.stdout.splitlines())} lines")
+        ended = _run([*entered, *_as("stranger"), *STATUS])
+        said = (ended.stdout + ended.stderr).strip()
+        is_refused = ended.returncode != 0 and "permission denied" in said.lower()
+        yield Row("status, as another user", said[:100], "permission denied", is_refused)
+    finally:
+        station.terminate()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            said = station.communicate(timeout=30)[0]
+            print(*said.strip().splitlines()[-5:], sep="\n", flush=True)
+    debian.run("sh", "-c", "userdel member; userdel stranger; rm -rf /run/captain")
+
+
+def command() -> str:
+    """ExecStart of the package's unit, with the values of /etc/default/captain."""
+    found = re.search("(?m)^ExecStart=(.*)$", own_files.read(deb.UNIT, own_files.PACKAGE))
+    if not found:
+        raise ImageError(f"{deb.UNIT}: has no ExecStart")
+    return found[1].replace("${CAPTAIN_BOARD}", "none").replace("$CAPTAIN_OPTIONS", "")
+
+
+def _as(user: str) -> list[str]:
+    return ["setpriv", f"--reuid={user}", f"--regid={user}", "--init-groups"]
+
+
+def _run(words: list[str]) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        words, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False, timeout=2 * MOST_S
+    )
+
+
+def _later(package: Path, folder: Path) -> Path:
+    """The same package with a higher version."""
+    tree, target = folder / "later", folder / "captain_later.deb"
+    run(["dpkg-deb", "--raw-extract", package, tree])
+    control = tree / "DEBIAN/control"
+    control.write_text(control.read_text().replace(f"Version: {version()}", f"Version: {version()}+1"))
+    run(["dpkg-deb", "--root-owner-group", "-Zgzip", "-z1", "--build", tree, target])
+    return target
+
+
+def _quiet(what: str, ended: "subprocess.CompletedProcess[str]") -> Row:
+    return _row(what, ended, ended.stdout.strip() or "no difference", not ended.stdout.strip())
+
+
+def _row(what: str, ended: "subprocess.CompletedProcess[str]", seen: str = "", is_ok: bool = True) -> Row:
+    is_ok = is_ok and ended.returncode == 0
+    if not is_ok:
+        print(ended.stdout, ended.stderr or "", flush=True)
+    return Row(what, seen or (ended.stdout.strip().splitlines() or ["done"])[-1], "exit code 0", is_ok)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
