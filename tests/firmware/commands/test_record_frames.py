@@ -176,7 +176,7 @@ def test_a_station_is_told_to_keep_what_was(tmp_path, capsys):
 def test_recording_without_a_destination_is_refused(capsys):
     with pytest.raises(SystemExit):
         cli.main(["record"])
-    assert tells(capsys.readouterr().err, "captain record: ", "--pcapng")
+    assert tells(capsys.readouterr().err, "captain record: ", "--pcapng", "required")
 
 
 def test_rubbish_of_a_station_is_passed_over(tmp_path):
