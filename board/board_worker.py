@@ -160,11 +160,12 @@ class BoardWorker:
 
     def _changed(self, is_up: bool, why: str) -> None:
         self._why = why
-        self._on_state(is_up, why)
         if is_up:
             self._worker.send(self._first)
+            self._on_state(is_up, why)
             self._next()
             return
+        self._on_state(is_up, why)
         if not self._is_told:
             self._is_told = True
             log.warning("the board process: %s", why)

@@ -49,7 +49,7 @@ class Carrier:
         self.unidentified = ""  # reason why the identity cannot be read; empty otherwise
         self.deaf = ""  # reason why hot-plug events cannot be received; empty otherwise
         self.lines = Lines(hardware.lines, machine.dev)
-        self.worker = BoardWorker(loop, hardware, machine, worker)
+        self.worker = BoardWorker(loop, hardware, machine, worker, self._board_process)
         self.health = Health(loop, self.worker, hardware)
         self._loop = loop
         self._uevents: Uevents | None = None
@@ -74,7 +74,7 @@ class Carrier:
             if line.expander and line.initial != "keep":
                 self.set_line(name, line.initial == "active", self._said)
         if self.hardware.identity is not None:
-            self.worker.ask("identity", {}, self._identified)
+            self._identify()
         self.health.start()
         for slot in self.slots.values():
             slot.start()
@@ -183,12 +183,20 @@ class Carrier:
             if name is not None:
                 self._sequencers[name].device_changed()
 
+    def _board_process(self, is_up: bool, why: str) -> None:
+        """Read the identity again if the board process starts again after a failure, for example a late start."""
+        if is_up and self.unidentified:
+            self._identify()
+
+    def _identify(self) -> None:
+        self.worker.ask("identity", {}, self._identified)
+
     def _identified(self, outcome: Any) -> None:
         if isinstance(outcome, InterfaceError):
             self.unidentified = outcome.message
             log.warning("identity: %s", outcome)
         else:
-            self.identity = outcome
+            self.identity, self.unidentified = outcome, ""
 
     def _said(self, error: StationError | None) -> None:
         if error is not None:

@@ -34,8 +34,11 @@ MAC = bytes.fromhex("02000000000b")
 class NearBoardWorker:
     """board.board_worker.BoardWorker without a process: calls are done at once, and answered in the next turn."""
 
-    def __init__(self, loop: Loop, hardware: Hardware, machine: Machine, worker: str) -> None:
+    def __init__(
+        self, loop: Loop, hardware: Hardware, machine: Machine, worker: str, on_state: Callable[[bool, str], None]
+    ) -> None:
         self.worker = worker
+        self.on_state = on_state
         self.asked: list[str] = []
         self._loop = loop
         self._calls = BlockingBusCalls(hardware, machine, FiledBus)

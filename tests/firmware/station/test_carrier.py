@@ -67,6 +67,16 @@ def test_identity_rails_temperatures_and_fan_are_in_the_status(running: WholeBoa
     assert [slot["number"] for slot in status["slots"].values()] == [1, 2, 3, 4]
 
 
+def test_identity_after_a_failure_is_read_again_by_the_next_board_process(board: WholeBoard) -> None:
+    board.simulated.world.fail("main", 0x50, Fault(errno.EREMOTEIO))
+    board.start()
+    board.until(lambda: board.carrier.unidentified)
+    board.simulated.world.fail("main", 0x50, None)
+    board.carrier.worker.on_state(True, "process 2 runs")
+    board.until(lambda: board.carrier.identity is not None)
+    assert board.carrier.unidentified == ""
+
+
 def test_time_line_of_a_module_names_what_it_waited_for(running: WholeBoard) -> None:
     told = [what for who, what in running.notes if who == "slot gnss"]
     powering, starting, is_running = told
