@@ -146,5 +146,5 @@ class Listening(Generic[M]):
         if self.silent_s and self.heard == self.started:
             raise StationError(
                 f"{self.address}: no heartbeat and no status within {client.ANSWER_S:g} s",
-                f"{client.FIRST_PORT}, or its single ports with --to-users PORT and --report PORT",
+                f"{client.FIRST_PORT}, or its single port with --report PORT (`captain listen`) or --to-users PORT",
             )

@@ -5,6 +5,7 @@ from typing import NamedTuple, Protocol, TypeAlias
 from board.runtime.errors import ProtocolError, StationError
 from captain_client import message
 from captain_client.reception import Reception, Tally
+from captain_client.reports import object_of
 from captain_client.requests import STATUS
 from drivers.message import ITS_HEADER
 from drivers.wire import raw
@@ -133,7 +134,7 @@ class Delivered:
 
         Raises StationError if a status shows a station without this topic.
         """
-        if frames[0] == STATUS:
+        if frames[0] == STATUS and object_of(frames) is not None:
             if not self._reception.begin(frames):
                 raise StationError(
                     "the station is of an older release: it has no topic `message.`", "update it: `captain update`"

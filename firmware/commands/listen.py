@@ -94,6 +94,7 @@ exit codes:
 """
 
 Show: TypeAlias = Callable[[Delivery], str]
+CAUSES = "reader too slow, station restarted, or more than 8,000 of a type per second"
 MAC = re.compile(r"(?:[0-9a-f]{2}:){5}[0-9a-f]{2}")  # the source of a message may also be a name at a broker
 
 
@@ -193,7 +194,7 @@ def _show_each(listening: Listening[Delivery], delivered: Delivered, show: Show)
             print(show(message), flush=True)
     finally:
         if delivered.missed:
-            print(f"captain: {delivered.missed} messages missed: this program was too slow", file=sys.stderr)
+            print(f"captain: {delivered.missed} messages missed: {CAUSES}", file=sys.stderr)
 
 
 def described(message: Delivery) -> dict[str, object]:

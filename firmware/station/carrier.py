@@ -47,6 +47,7 @@ class Carrier:
         self.machine = machine
         self.identity: Mapping[str, object] | None = None
         self.unidentified = ""  # reason why the identity cannot be read; empty otherwise
+        self._may_identify_again = True  # once: a call that blocks the bus ends the board process each time
         self.deaf = ""  # reason why hot-plug events cannot be received; empty otherwise
         self.lines = Lines(hardware.lines, machine.dev)
         self.worker = BoardWorker(loop, hardware, machine, worker, self._board_process)
@@ -184,8 +185,9 @@ class Carrier:
                 self._sequencers[name].device_changed()
 
     def _board_process(self, is_up: bool, why: str) -> None:
-        """Read the identity again if the board process starts again after a failure, for example a late start."""
-        if is_up and self.unidentified:
+        """Read the identity once more when the board process starts again after a failure, for example a late start."""
+        if is_up and self.unidentified and self._may_identify_again:
+            self._may_identify_again = False
             self._identify()
 
     def _identify(self) -> None:

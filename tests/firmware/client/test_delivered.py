@@ -43,6 +43,12 @@ def test_delivered_status_without_a_run_is_refused_with_a_remedy() -> None:
     assert "captain update" in error.value.hint
 
 
+def test_delivered_malformed_status_counts_as_malformed() -> None:
+    reader = Delivered()
+    assert reader.feed([b"status.", b"{"]) is None
+    assert reader.rubbish == 1
+
+
 @given(st.lists(st.binary(max_size=200) | st.sampled_from([b"message.cam.", b"{}", CAM]), min_size=1, max_size=4))
 def test_delivered_any_frames_never_raises_and_counts_malformed_ones(frames: list[bytes]) -> None:
     reader = Delivered()

@@ -5,6 +5,7 @@ import pytest
 from drivers.message import Implausible, Position, RxInfo, Security, SecurityStatus
 from firmware import cli
 from firmware.client import client, listening
+from firmware.commands import listen
 from firmware.client.received import Message
 from firmware.client.show.tally import HEADS, Tally, cells, folded
 from tests.firmware.commands.fake import STATUS, FakeStation, Frames, delivered
@@ -106,7 +107,7 @@ def test_missed_messages_are_in_the_next_object_of_their_type_and_their_sum_is_t
         assert listened(station, "--json", "--count", "3") == 0
     said = capsys.readouterr()
     assert [json.loads(line).get("missed") for line in said.out.splitlines()] == [None, 3, None]
-    assert said.err == "captain: 3 messages missed: this program was too slow\n"
+    assert said.err == f"captain: 3 messages missed: {listen.CAUSES}\n"
 
 
 def test_missed_messages_are_in_the_title_of_the_table(capsys):

@@ -81,7 +81,7 @@ def test_files_that_are_absent_or_that_others_may_read_are_problems_each_with_it
 def test_key_of_another_certificate_is_a_problem_with_both_paths(own, certificates):
     ((level, told, _),) = said(v2n(**own | {"key": str(certificates.observer.key)}))
     assert level is Level.PROBLEM
-    assert tells(told, f"key {certificates.observer.key}: ", f"certificate {own['certificate']}")
+    assert tells(told, f"key {certificates.observer.key}: ", "not the key", f"certificate {own['certificate']}")
 
 
 RECEIVER = InterfaceConfig("gnss", QueueOptions("zed_f9p"), ZedF9p.Options(port="/dev/ttyAMA0"))

@@ -77,6 +77,15 @@ def test_identity_after_a_failure_is_read_again_by_the_next_board_process(board:
     assert board.carrier.unidentified == ""
 
 
+def test_identity_after_a_second_failure_is_not_read_by_further_board_processes(board: WholeBoard) -> None:
+    board.simulated.world.fail("main", 0x50, Fault(errno.EREMOTEIO))
+    board.start()
+    for _ in range(3):
+        board.until(lambda: board.carrier.unidentified)
+        board.carrier.worker.on_state(True, "a process runs")
+    assert board.carrier.worker.asked.count("identity") == 2
+
+
 def test_time_line_of_a_module_names_what_it_waited_for(running: WholeBoard) -> None:
     told = [what for who, what in running.notes if who == "slot gnss"]
     powering, starting, is_running = told
