@@ -12,7 +12,8 @@ from firmware.facilities.exchange import reception_of
 from firmware.routing.drops import Drops
 
 # Number of messages of a type per PERIOD_S. Routing has priority: further ones are numbered and counted as drops. 8,000
-# are four full channels, and cost a seventh of a core of a PC (16 us each). `make swarm` has delivered 6,800 to `captain listen`.
+# are four full channels and cost a seventh of a core of a PC, 16 us each. `make swarm` has delivered 6,800 to
+# `captain listen`.
 BUDGET = 8_000
 PLACE = "report"
 PERIOD_S = 1.0

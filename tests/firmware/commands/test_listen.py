@@ -5,9 +5,9 @@ import pytest
 from drivers.message import Implausible, Position, RxInfo, Security, SecurityStatus
 from firmware import cli
 from firmware.client import client, listening
-from firmware.commands import listen
 from firmware.client.received import Message
 from firmware.client.show.tally import HEADS, Tally, cells, folded
+from firmware.commands import listen
 from tests.firmware.commands.fake import STATUS, FakeStation, Frames, delivered
 
 CAM = bytes.fromhex("02020000053900010203")
