@@ -24,7 +24,7 @@ PLACES = {
 }
 
 # Scripts of a package that dpkg runs; a package has some of them.
-SCRIPTS = ("postinst", "prerm", "postrm")
+SCRIPTS = ("preinst", "postinst", "prerm", "postrm")
 
 _CONTROL = """\
 Package: captain

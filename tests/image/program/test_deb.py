@@ -1,5 +1,6 @@
 """The Debian package: installed into a root of its own by dpkg, which runs its scripts."""
 
+import os
 import shutil
 import stat
 from pathlib import Path
@@ -68,9 +69,67 @@ def test_removed_it_leaves_the_owners_files_and_purged_none(made: Path, root: Pa
     assert not (root / "usr/lib/captain").exists()
     dpkg(root, "--purge", "captain")
     assert not (root / "etc/captain").exists()
-    assert not (root / "var/lib/captain").exists()
+    assert not list((root / "var/lib").glob("captain*"))
     assert (root / "etc/passwd").read_text() == ""
     assert (root / "etc/group").read_text() == "dialout:x:20:\ni2c:x:21:\n"
+
+
+def test_install_with_a_login_called_captain_is_refused_and_purge_keeps_the_login(made: Path, root: Path):
+    login = "captain:x:1000:1000::/home/captain:/bin/bash\n"
+    (root / "etc/passwd").write_text(login)
+    (root / "etc/group").write_text("captain:x:1000:\nsudo:x:27:captain\n")
+    before = (root / "etc/group").read_text()
+    with pytest.raises(ImageError, match="uid 1000"):
+        dpkg(root, "--install", made)
+    assert not (root / "usr/bin/captain").exists()
+    dpkg(root, "--purge", "captain")
+    assert (root / "etc/passwd").read_text() == login
+    assert (root / "etc/group").read_text() == before
+
+
+def test_purge_with_a_system_user_of_the_machine_keeps_it(made: Path, root: Path):
+    user = "captain:x:150:21::/nonexistent:/usr/sbin/nologin\n"
+    (root / "etc/passwd").write_text(user)
+    dpkg(root, "--install", made)
+    assert "captain:x:" in (root / "etc/group").read_text()  # for the unit's Group=
+    dpkg(root, "--purge", "captain")
+    assert (root / "etc/passwd").read_text() == user
+    assert "captain:x:" not in (root / "etc/group").read_text()
+
+
+def test_purge_with_a_group_of_the_machine_removes_the_user_alone(made: Path, root: Path):
+    with (root / "etc/group").open("a") as groups:
+        groups.write("captain:x:300:\nnogroup:x:65534:\n")
+    before = (root / "etc/group").read_text()
+    dpkg(root, "--install", made)
+    assert (root / "etc/passwd").read_text().split(":")[3] == "300"
+    dpkg(root, "--purge", "captain")
+    assert (root / "etc/passwd").read_text() == ""
+    assert (root / "etc/group").read_text() == before
+
+
+def test_purge_with_a_login_that_replaced_the_packages_user_keeps_the_login(made: Path, root: Path):
+    dpkg(root, "--install", made)
+    login = "captain:x:1000:20::/home/captain:/bin/bash\n"
+    (root / "etc/passwd").write_text(login)
+    dpkg(root, "--purge", "captain")
+    assert (root / "etc/passwd").read_text() == login
+
+
+def test_purge_that_cannot_remove_the_user_says_so(
+    made: Path, root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    dpkg(root, "--install", made)
+    busy = tmp_path / "bin/userdel"
+    busy.parent.mkdir()
+    busy.write_text("#!/bin/sh\nexit 8\n")
+    busy.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{busy.parent}:{os.environ['PATH']}")
+    assert "captain: user captain stays: stop its programs" in dpkg(root, "--purge", "captain")
+    monkeypatch.undo()
+    dpkg(root, "--install", made)
+    dpkg(root, "--purge", "captain")
+    assert (root / "etc/passwd").read_text() == ""  # the record of what the package created was kept
 
 
 @pytest.mark.parametrize("path", [path for name in deb.SCRIPTS for path in sorted(deb.FILES.rglob(name))])
