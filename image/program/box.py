@@ -19,12 +19,11 @@ PLACES = {
     "usr/lib/udev/rules.d/70-captain.rules": "usr/lib/udev/rules.d/70-captain.rules",
     "usr/lib/sysctl.d/70-captain.conf": "usr/lib/sysctl.d/70-captain.conf",
     "usr/lib/modules-load.d/captain.conf": "usr/lib/modules-load.d/captain.conf",
-    "usr/lib/systemd/network/40-radio.network": "usr/lib/systemd/network/40-captain-radio.network",
-    "usr/lib/systemd/network/50-wwan0.network": "usr/lib/systemd/network/50-captain-wwan.network",
+    "usr/lib/systemd/network/40-radio.network": "usr/lib/systemd/network/90-captain-radio.network",
+    "usr/lib/systemd/network/50-wwan0.network": "usr/lib/systemd/network/90-captain-wwan.network",
     "etc/nftables.conf": "usr/share/captain/nftables.conf",
     "etc/systemd/system/serial-getty@.service.d/captain.conf": "usr/share/captain/serial-console.conf",
 }
-NETWORK_MANAGER = "usr/lib/NetworkManager/conf.d/captain.conf"
 
 _CONTROL = """\
 Package: {name}
@@ -67,7 +66,6 @@ def files() -> dict[str, str]:
     found = {place: own_files.read(path, own_files.PACKAGE) for path, place in PLACES.items()}
     return found | {
         slot_names.PATH: slot_names.rules(board),
-        NETWORK_MANAGER: (SCRIPTS / "networkmanager.conf").read_text(),
         COPYRIGHT: (PROJECT / "LICENSE").read_text(),
         **chrony_beside(frozen.own_python()),
     }

@@ -1,21 +1,24 @@
 """Debian package captain-box: its drop-ins, and its groups in a root of its own."""
 
 import re
+import tomllib
 from pathlib import Path, PurePosixPath
 
 import pytest
 
 from image import own_files
 from image.program import box, deb
+from image.project import PROJECT
 from image.tool import run
 from pps.chrony import configuration
 from tests.image.program.conftest import dpkg
 
 FILES = box.files()
-# Folders that systemd, udev, chrony and NetworkManager read beside the files of a stock Debian.
+RULES = "usr/lib/udev/rules.d/70-captain.rules"
+# Folders that systemd, udev and chrony read beside the files of a stock Debian.
 DROP_INS = {
-    "etc/chrony/conf.d", "usr/lib/NetworkManager/conf.d", "usr/lib/modules-load.d", "usr/lib/sysctl.d",
-    "usr/lib/systemd/network", "usr/lib/systemd/system/chrony.service.d", "usr/lib/udev/rules.d",
+    "etc/chrony/conf.d", "usr/lib/modules-load.d", "usr/lib/sysctl.d", "usr/lib/systemd/network",
+    "usr/lib/systemd/system/chrony.service.d", "usr/lib/udev/rules.d",
 }  # fmt: skip
 OWN = {"usr/share/captain", "usr/share/doc/captain-box"}
 NAME = re.compile(r"([0-9]+-)?captain(-\w+)?\.(conf|rules|network)")
@@ -59,15 +62,27 @@ def test_cable_and_wifi_are_in_no_file_that_is_in_force():
             assert not re.search("eth0|wlan0|operator|/data|captain-image|@[A-Z_]{3,}@", text), path
 
 
-def test_network_manager_leaves_alone_what_networkd_has_rules_for():
-    networks = "".join(text for path, text in FILES.items() if path.endswith(".network"))
-    drivers = set(" ".join(re.findall("(?m)^Driver=(.*)$", networks)).split())
-    names = set(re.findall("(?m)^Name=(.*)$", networks))
-    (line,) = re.findall(r"(?m)^unmanaged-devices\+=(.*)$", FILES[box.NETWORK_MANAGER])
-    unmanaged = {tuple(word.split(":")) for word in line.split(";")}
-    assert {("driver", driver) for driver in drivers} | {("interface-name", name) for name in names} <= unmanaged
-    assert len(drivers) == 4
-    assert names == {"wwan*"}
+def test_networks_are_those_of_the_modules_and_after_files_of_the_owner():
+    matches = {
+        PurePosixPath(path).name: re.findall(r"(?s)\[Match\]\n(.*?)\n\n", text)
+        for path, text in FILES.items()
+        if path.endswith(".network")
+    }
+    assert matches == {
+        "90-captain-radio.network": ["Property=CAPTAIN_NETWORK=radio"],
+        "90-captain-wwan.network": ["Property=CAPTAIN_NETWORK=cellular"],
+    }
+
+
+def test_network_manager_ignores_networks_in_the_radios_slot_and_of_the_modem_only():
+    rules = [row for row in FILES[RULES].splitlines() if row.startswith('SUBSYSTEM=="net"') and "NETWORK" in row]
+    board = tomllib.loads((PROJECT / "board/boards/quad.toml").read_text())["slots"]
+    (vendor,) = {usb_id.partition(":")[0] for usb_id in board["cellular"]["ids"]}
+    assert f'KERNELS=="{board["v2x"]["usb"]}:*", DRIVERS=="rndis_host|cdc_ncm|cdc_ether|cdc_eem"' in rules[0]
+    assert f'ATTRS{{idVendor}}=="{vendor}"' in rules[1]
+    for rule, network in zip(rules, ("radio", "cellular"), strict=True):
+        assert rule.endswith(f'ENV{{CAPTAIN_NETWORK}}="{network}", ENV{{NM_UNMANAGED}}="1"')
+    assert "".join(FILES.values()).count("NM_UNMANAGED") == 2
 
 
 def test_chronyd_takes_pulses_of_the_stations_group_and_starts_without_them():
@@ -114,6 +129,19 @@ def test_purged_a_group_of_the_machine_stays_and_those_of_the_package_go(made: P
     assert (root / "etc/group").read_text() == before
     for folder in ("etc/chrony", "usr/share/captain", "var/lib/captain-box"):
         assert not (root / folder).exists()
+
+
+def test_purge_keeps_a_created_group_that_others_use_and_says_so(made: Path, boxed: Path, root: Path):
+    dpkg(root, "--install", made, boxed)
+    groups = root / "etc/group"
+    groups.write_text(re.sub("(?m)^(gpio:.*:)captain$", r"\1captain,alice", groups.read_text()))
+    rules = root / "etc/udev/rules.d/90-own.rules"
+    rules.parent.mkdir(parents=True)
+    rules.write_text('KERNEL=="pps0", GROUP="pps"\nSUBSYSTEM=="i2c", GROUP="dialout"\n')
+    said = dpkg(root, "--purge", "captain-box")
+    assert "captain-box: group gpio stays" in said
+    assert "captain-box: group pps stays" in said
+    assert {line.split(":")[0] for line in groups.read_text().splitlines()} >= {"gpio", "pps"}
 
 
 def test_change_of_the_owner_outlives_an_upgrade(made: Path, boxed: Path, root: Path, tmp_path: Path):
