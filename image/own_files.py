@@ -1,16 +1,18 @@
 """Own files of card and Debian packages: the overlay, in two forms."""
 
+import re
 from pathlib import Path
 
 OVERLAY = Path(__file__).parent / "overlay"
-# Marks at the beginning of a line that only one form has; lines without a mark are in both.
-CARD, PACKAGE = "@CARD@ ", "@PACKAGE@ "
+# Marks at the beginning of a line that only one form has, before a blank; lines without a mark are in both.
+CARD, PACKAGE = "@CARD@", "@PACKAGE@"
 
 
 def formed(text: str, form: str) -> str:
     """Return a text without the other form's lines, and without marks. form: CARD or PACKAGE."""
     other = PACKAGE if form == CARD else CARD
-    return "".join(line.removeprefix(form) for line in text.splitlines(keepends=True) if not line.startswith(other))
+    lines = (line for line in text.splitlines(keepends=True) if not line.startswith(other))
+    return "".join(re.sub(f"^{form} ?", "", line) for line in lines)
 
 
 def read(path: str, form: str) -> str:

@@ -11,7 +11,7 @@ PROJECT = Path(__file__).resolve().parent.parent
 # 2106-02-07: last time in squashfs, the update's format, and cpio, the early boot's; both have 32 bits.
 LATEST = 0xFFFFFFFF
 
-_CHRONY = "from pps.chrony import configuration as c; print(c.{}(), c.access('captain'), sep='\\0')"
+_CHRONY = "from pps.chrony import configuration as c; print(c.{}(), c.access('captain', is_optional={}), sep='\\0')"
 
 
 def epoch() -> int:
@@ -44,22 +44,21 @@ def version() -> str:
 
 def chrony(python: Path) -> dict[str, str]:
     """Return the card's files of chrony by path."""
-    whole, access = _chrony(python, "configuration")
+    whole, access = _chrony(python, "configuration", False)
     return {"etc/chrony/chrony.conf": whole, "etc/systemd/system/chrony.service.d/captain.conf": access}
 
 
 def chrony_beside(python: Path) -> dict[str, str]:
     """Return drop-ins of a system's own chrony by path: the pulses as a source, and access to its socket."""
-    source, access = _chrony(python, "refclock")
-    # Without the source, chronyd makes no socket. It starts nevertheless.
-    access = access.replace("=+", "=-+")
+    # The owner may remove the source; chronyd starts nevertheless.
+    source, access = _chrony(python, "refclock", True)
     return {
         "etc/chrony/conf.d/captain.conf": source,
         "usr/lib/systemd/system/chrony.service.d/captain.conf": access,
     }
 
 
-def _chrony(python: Path, function: str) -> tuple[str, str]:
+def _chrony(python: Path, function: str, is_optional: bool) -> tuple[str, str]:
     """Generate texts by the station's code in a process of its own; it is not imported."""
-    text, _, access = run([python, "-c", _CHRONY.format(function)], folder=PROJECT).partition("\0")
+    text, _, access = run([python, "-c", _CHRONY.format(function, is_optional)], folder=PROJECT).partition("\0")
     return text, access.rstrip("\n") + "\n"

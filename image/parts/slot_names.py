@@ -10,7 +10,7 @@ from typing import Any
 PATH = "usr/lib/udev/rules.d/71-captain-slots.rules"
 
 _HEAD = """\
-# Made of the board file {board} when the image was built: what sits in which slot, by the place on USB.
+# Generated from the board file {board}: names of the slots' ports, by their place on USB.
 """
 # KERNELS and ATTRS match the same parent: the interface of a USB device, 1-1.3:1.2. $attr is its two-digit number.
 _RULE = """\

@@ -48,8 +48,8 @@ bindcmdaddress ::1
 _ACCESS = """\
 # chronyd creates the socket for root only, at each start.
 [Service]
-ExecStartPost=+/bin/chgrp {group} {path}
-ExecStartPost=+/bin/chmod 0620 {path}
+ExecStartPost={prefix}/bin/chgrp {group} {path}
+ExecStartPost={prefix}/bin/chmod 0620 {path}
 """
 
 
@@ -86,9 +86,10 @@ def configuration(
     )
 
 
-def access(group: str, path: str = SOCKET) -> str:
+def access(group: str, path: str = SOCKET, is_optional: bool = False) -> str:
     """Return /etc/systemd/system/chrony.service.d/captain.conf, for a station that does not run as root.
 
-    group  group of the station's user; only its members may write to the socket.
+    group        group of the station's user; only its members may write to the socket.
+    is_optional  chronyd starts also without the socket, which it makes only if its configuration has the source.
     """
-    return _ACCESS.format(group=group, path=path)
+    return _ACCESS.format(group=group, path=path, prefix="-+" if is_optional else "+")
