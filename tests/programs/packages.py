@@ -92,6 +92,9 @@ def _in_debian(debian: Debian, packages: list[Path], folder: Path) -> Iterator[R
     yield _quiet("dpkg --verify", debian.run("dpkg", "--verify", "captain", box.NAME))
     unit = "/usr/lib/systemd/system/captain.service"
     yield _quiet("systemd-analyze verify", debian.run("systemd-analyze", "verify", unit))
+    # Debian 12's udevadm cannot verify.
+    verify = "! udevadm verify --help || udevadm verify /usr/lib/udev/rules.d/7*-captain*.rules"
+    yield _row("udevadm verify", debian.run("sh", "-c", verify))
     ended = debian.run("chronyd", "-p", "-f", "/etc/chrony/chrony.conf")
     is_source = "refclock SOCK /run/chrony.captain.sock" in ended.stdout
     yield _row("chronyd reads its source", ended, "with the refclock" if is_source else ended.stdout, is_source)
@@ -106,6 +109,22 @@ def _in_debian(debian: Debian, packages: list[Path], folder: Path) -> Iterator[R
     yield _row("purge", debian.run("sh", "-c", f"{apt} purge captain {box.NAME}"))
     left = difference(before, debian.run("sh", "-c", STATE).stdout)
     yield Row("purge leaves", ", ".join(left[:3]) or "nothing", "nothing", not left)
+    yield from _of_others(debian, f"{apt} install {inside}", f"{apt} purge captain {box.NAME}")
+
+
+def _of_others(debian: Debian, install: str, purge: str) -> Iterator[Row]:
+    """What the owner has made: a group captain, a member of a group of captain-box, a login called captain."""
+    debian.run("sh", "-c", "groupadd --system captain && useradd --no-user-group member")
+    ended = debian.run("sh", "-c", f"{install} && usermod --append --groups gpio member && {purge}")
+    kept = debian.run("getent", "group", "captain", "gpio").stdout.split()
+    is_kept = [row.partition(":")[0] for row in kept] == ["captain", "gpio"] and kept[1].endswith(":member")
+    yield _row("purge keeps groups of others", ended, " ".join(kept), is_kept)
+    debian.run("sh", "-c", "userdel member; groupdel gpio; groupdel captain; useradd --uid 1000 captain")
+    ended = debian.run("sh", "-c", install)
+    is_refused = ended.returncode != 0 and "captain: user captain has uid 1000" in ended.stdout
+    is_kept = debian.run("getent", "passwd", "captain").returncode == 0
+    seen = "refused" if is_refused else ended.stdout.strip()[-100:]
+    yield Row("install with a login captain", seen, "refused", is_refused and is_kept)
 
 
 def difference(before: str, after: str) -> list[str]:
