@@ -7,6 +7,7 @@ from urllib.parse import SplitResult, urlsplit
 from board.runtime.errors import ConfigurationError
 
 PORTS = {"mqtt": 1883, "mqtts": 8883}  # default port by scheme, as registered at IANA
+LOCAL_NAMES = ("ip6-localhost", "ip6-loopback")  # /etc/hosts of Debian; DNS may know others by them, unlike localhost
 
 
 class Broker(NamedTuple):
@@ -26,21 +27,26 @@ class Broker(NamedTuple):
 
         Other names are not resolved: DNS may be unavailable when the station starts.
         """
-        host = "localhost" if self.is_loopback else _compressed(self.host.rstrip("."))
+        host = "localhost" if self.is_loopback or self.host in LOCAL_NAMES else _compressed(self.host.rstrip("."))
         return f"{host}:{self.port}"
 
     @property
     def is_loopback(self) -> bool:
-        """Whether the broker is certainly on this machine: a loopback address, or the name localhost."""
+        """Whether the broker is certainly on this machine: by its IP address, or the name localhost."""
         return is_loopback(self.host) or self.host == "localhost"
 
 
 def is_loopback(host: str) -> bool:
-    """Return True for a loopback IP address; False for other addresses, and for any name."""
+    """Return True for an IP address of which a connection stays on this machine; False for any name.
+
+    These are loopback addresses, also in IPv6 form (::ffff:127.0.0.1), and the unspecified 0.0.0.0 and ::.
+    """
     try:
-        return ip_address(host).is_loopback
+        address = ip_address(host)
     except ValueError:
         return False
+    address = getattr(address, "ipv4_mapped", None) or address
+    return address.is_loopback or address.is_unspecified
 
 
 def _compressed(host: str) -> str:

@@ -24,11 +24,26 @@ def test_a_url_without_a_port_has_the_one_that_is_registered():
         ("mqtt://localhost", True),
         ("mqtt://127.9.9.9", True),
         ("mqtt://[::1]", True),
+        ("mqtt://[::ffff:127.0.0.1]", True),
+        ("mqtt://0.0.0.0", True),
+        ("mqtt://[::]", True),
+        ("mqtt://192.0.2.1", False),
+        ("mqtt://[::ffff:192.0.2.1]", False),
+        ("mqtt://ip6-localhost", False),
         ("mqtt://localhost.example", False),
     ],
 )
 def test_only_this_machine_is_loopback(url, is_loopback):
     assert broker(url).is_loopback is is_loopback
+
+
+@pytest.mark.parametrize(
+    "host",
+    ["127.0.0.2", "[::1]", "[::ffff:127.0.0.1]", "0.0.0.0", "[::]", "ip6-localhost", "ip6-loopback", "LOCALHOST."],
+)
+def test_names_and_addresses_of_this_machine_have_one_place(host):
+    assert broker(f"mqtt://{host}").place == broker("mqtt://localhost").place
+    assert broker(f"mqtt://{host}:1884").place != broker("mqtt://localhost").place
 
 
 @pytest.mark.parametrize(
