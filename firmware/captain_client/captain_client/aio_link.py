@@ -17,18 +17,21 @@ from captain_client.requests import STATUS, Outgoing, Request, Requests
 from captain_client.sockets import (
     AT_ONCE,
     CONFIRM,
+    EVENT_MS,
     HIGH_WATER,
     HIGH_WATER_OF_REPORTS,
     OPEN,
     ask_for_status,
     check_open,
     connect,
-    ends_of,
-    has_ended,
+    connections_of,
+    has_connected,
     ms_until,
     offered,
     unreachable,
 )
+
+EVENT_S = 0.01  # pause for the event of a connection; while a task waits for it, the others go on
 
 
 class Inlet:
@@ -117,8 +120,7 @@ class Link:
         try:
             self._reports = Inlet(self._context, address, CONFIRM, STATUS, most=HIGH_WATER_OF_REPORTS)
             self._push = self._context.socket(zmq.PUSH)
-            self._ends = ends_of(self._push)
-            connect(self._push, address.url(address.pull))
+            self._connections = connections_of(self._push)
             self._plain_push: zmq.Socket[bytes] = zmq.Socket.shadow(self._push)
         except BaseException:
             self._context.destroy()
@@ -133,7 +135,9 @@ class Link:
         deadline = time.monotonic() + self.timeout_s
         self._reader = asyncio.create_task(self._read())
         await self._prove(deadline)
+        connect(self._push, self._address.url(self._address.pull))
         await self._writable(deadline)
+        has_connected(self._connections, EVENT_MS)  # later ones are interruptions
 
     async def close(self) -> None:
         if self._reader is not None:
@@ -141,7 +145,7 @@ class Link:
             with contextlib.suppress(asyncio.CancelledError):
                 await self._reader
         self._push.close()
-        self._ends.close()
+        self._connections.close()
         self._reports.close()
         self._has_status.set()  # tasks that wait for it find the socket closed
         for inlet in self._inlets:
@@ -201,7 +205,7 @@ class Link:
         return unreachable(self._address, port, "")
 
     async def _writable(self, deadline: float) -> None:
-        """Wait for the connection to the PULL port.
+        """Wait for the connection to the PULL port, and for its event.
 
         Raises UnreachableError at the deadline, and StationError if the link is closed.
         """
@@ -209,19 +213,22 @@ class Link:
             if not (left_ms := ms_until(deadline)):
                 raise await self.unreachable(self._address.pull)
             await _event(self._push, left_ms, zmq.POLLOUT)
+            await asyncio.sleep(EVENT_S)
             check_open(self._push)
 
     async def _prove(self, deadline: float) -> None:
-        """Wait for a status at the begin and after an interruption: it proves the subscription to confirms.
+        """Wait for a status at the start and after an interruption: it proves the subscription to confirms.
 
         Raises UnreachableError at the deadline, and StationError if the link is closed.
         """
-        if has_ended(self._ends):
-            for frames in self._reports.waiting():
-                self._requests.report(frames)
-            self._proof = self._requests.statuses + 1
-            self._reports.ask_for_status()
-        while self._requests.statuses < self._proof:
+        while True:
+            if has_connected(self._connections):
+                for frames in self._reports.waiting():
+                    self._requests.report(frames)
+                self._proof = self._requests.statuses + 1
+                self._reports.ask_for_status()
+            if self._requests.statuses >= self._proof:
+                return
             self._has_status.clear()
             try:
                 await asyncio.wait_for(self._has_status.wait(), deadline - time.monotonic())

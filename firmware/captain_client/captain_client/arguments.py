@@ -28,8 +28,8 @@ def check_path(name: str, value: object) -> str:
 
 
 def check_seconds(name: str, value: object) -> None:
-    """Raise ValueError if an argument is not a finite time in seconds."""
-    is_time = isinstance(value, int | float) and -MOST_S < value < MOST_S
+    """Raise ValueError if an argument is not a finite time in seconds, from 0."""
+    is_time = isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < MOST_S
     _check(is_time, name, value, "is not a time in seconds")
 
 

@@ -13,13 +13,14 @@ from captain_client.requests import STATUS, Outgoing, Request, Requests
 from captain_client.sockets import (
     AT_ONCE,
     CONFIRM,
+    EVENT_MS,
     HIGH_WATER_OF_REPORTS,
     OPEN,
     ask_for_status,
     check_open,
     connect,
-    ends_of,
-    has_ended,
+    connections_of,
+    has_connected,
     ms_until,
     offered,
     unreachable,
@@ -48,11 +49,12 @@ class Link:
             self._reports = self._context.socket(zmq.SUB)
             connect(self._reports, address.url(address.report), CONFIRM, STATUS, most=HIGH_WATER_OF_REPORTS)
             self._push = self._context.socket(zmq.PUSH)
-            self._ends = ends_of(self._push)
-            connect(self._push, address.url(address.pull))
+            self._connections = connections_of(self._push)
             deadline = time.monotonic() + timeout_s
             self._join(deadline)
+            connect(self._push, address.url(address.pull))
             self._writable(deadline)
+            has_connected(self._connections, EVENT_MS)  # later ones are interruptions
         except BaseException:
             self.close()
             raise
@@ -143,21 +145,26 @@ class Link:
             raise StationError(f"the client is that of process {self._process}", "create a Station in each process")
 
     def _writable(self, deadline: float) -> None:
-        """Wait for the connection to the PULL port. Raises UnreachableError at the deadline."""
+        """Wait for the connection to the PULL port, and for its event. Raises UnreachableError at the deadline."""
+        if self._push.poll(0, zmq.POLLOUT):
+            return
         if not self._push.poll(ms_until(deadline), zmq.POLLOUT):
             raise self.unreachable(self._address.pull)
+        self._connections.poll(EVENT_MS)
 
     def _join(self, deadline: float) -> None:
-        """Wait for a status at the begin and after an interruption: it proves the subscription to confirms.
+        """Wait for a status at the start and after an interruption: it proves the subscription to confirms.
 
         Raises UnreachableError at the deadline.
         """
-        if has_ended(self._ends):
-            while self._reports.poll(0):
-                self._take_reports()
-            self._proof = self._requests.statuses + 1
-            ask_for_status(self._reports)
-        while self._requests.statuses < self._proof:
+        while True:
+            if has_connected(self._connections):
+                while self._reports.poll(0):
+                    self._take_reports()
+                self._proof = self._requests.statuses + 1
+                ask_for_status(self._reports)
+            if self._requests.statuses >= self._proof:
+                return
             if not self._reports.poll(ms_until(deadline)):
                 raise self.unreachable(self._address.report)
             self._take_reports()

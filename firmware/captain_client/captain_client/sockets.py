@@ -21,7 +21,8 @@ MOST_OCTETS = 1 << 20  # longest frame; a status of a hundred interfaces has 100
 # ZMTP heartbeats detect a station that has lost its power or network: TCP does not notice.
 HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 1_000, 3_000
 CONFIRM = b"confirm."
-ENDS = "inproc://ends"  # events of libzmq: ends of the connections of the PUSH socket
+CONNECTIONS = "inproc://connections"  # events of libzmq: new connections of the PUSH socket
+EVENT_MS = 100  # time limit for the event of a connection, which libzmq sends some us after the socket is writable
 # The collector may end a context before its sockets, and libzmq then waits for them without end. A client that its
 # program does not close stays here until the end of the process.
 OPEN: set["zmq.Context[Any]"] = set()
@@ -52,19 +53,23 @@ def connect(end: "zmq.Socket[Any]", url: str, *topics: bytes, most: int = HIGH_W
         raise ValueError(f"{url}: invalid host or port: {error}") from error
 
 
-def ends_of(push: "zmq.Socket[Any]") -> "zmq.Socket[bytes]":
-    """Return a socket that gets an event whenever a connection of a PUSH socket ends."""
-    push.monitor(ENDS, zmq.EVENT_DISCONNECTED)
-    ends: zmq.Socket[bytes] = push.context.socket(zmq.PAIR, socket_class=zmq.Socket)
-    ends.connect(ENDS)
-    return ends
+def connections_of(push: "zmq.Socket[Any]") -> "zmq.Socket[bytes]":
+    """Return a socket that gets an event at each new connection of a PUSH socket; call it before connect().
+
+    A connection counts after the handshake: a proxy without its station accepts and ends ten connections per second.
+    """
+    push.monitor(CONNECTIONS, zmq.EVENT_HANDSHAKE_SUCCEEDED)
+    connections: zmq.Socket[bytes] = push.context.socket(zmq.PAIR, socket_class=zmq.Socket)
+    connections.set(zmq.RCVHWM, 0)  # a full queue of events would stop all sockets of the context
+    connections.connect(CONNECTIONS)
+    return connections
 
 
-def has_ended(ends: "zmq.Socket[bytes]") -> bool:
-    """Return True if a connection has ended since the last call."""
+def has_connected(connections: "zmq.Socket[bytes]", wait_ms: int = 0) -> bool:
+    """Return True if there is a new connection since the last call, or within wait_ms."""
     found = False
-    while ends.poll(0):
-        ends.recv_multipart()
+    while connections.poll(0 if found else wait_ms):
+        connections.recv_multipart()
         found = True
     return found
 

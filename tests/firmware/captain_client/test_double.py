@@ -113,6 +113,41 @@ def test_message_after_a_restart_without_a_status_raises_unreachable_until_one_c
         assert box.send("cam", PDU).label
 
 
+def test_second_interruption_while_a_message_waits_for_a_status_needs_a_further_status(double: Double):
+    with connected(double) as box, ThreadPoolExecutor(1) as pool:
+        restart(double)
+        sending = pool.submit(box.send, "cam", PDU)
+        interrupt_again(double)
+        double.publish_status()
+        assert double.takes_nothing(SETTLED_MS)
+        double.publish_status()
+        assert double.take()[2]["label"] == sending.result(PATIENCE).label
+
+
+def test_asyncio_second_interruption_while_a_message_waits_for_a_status_needs_a_further_status(double: Double):
+    def answer() -> str:
+        interrupt_again(double)
+        double.publish_status()
+        assert double.takes_nothing(SETTLED_MS)
+        double.publish_status()
+        return str(double.take()[2]["label"])
+
+    async def use() -> bool:
+        async with connected_soon(double) as box:
+            restart(double)
+            sent, label = await asyncio.gather(box.send("cam", PDU), asyncio.to_thread(answer))
+            return sent.label == label
+
+    assert asyncio.run(use())
+
+
+def interrupt_again(double: Double) -> None:
+    assert double.takes_nothing(SETTLED_MS)
+    double.stop_taking()
+    double.take_again()
+    assert double.takes_nothing(SETTLED_MS)
+
+
 def test_asyncio_message_that_waits_for_a_status_when_the_client_is_closed_gets_a_station_error(double: Double):
     async def use() -> Any:
         async with connected_soon(double) as box:
@@ -172,7 +207,7 @@ def test_asyncio_reader_goes_on_after_a_malformed_confirm(double: Double):
 # -- arguments
 
 ADDRESSES: list[Any] = [5555, None, ("127.0.0.1", 5555), b":5555"]
-TIMES: list[Any] = ["3", math.nan, math.inf, 1e300]
+TIMES: list[Any] = ["3", math.nan, math.inf, 1e300, -5, True]
 
 
 @pytest.mark.parametrize("client", [Station, aio.Station])

@@ -4,13 +4,14 @@ import contextlib
 import json
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import captain_messages
 import pytest
 
 from captain_client import RefusedError, Station, StationError, UnconfirmedError, UnreachableError
 from captain_client.message import Message
+from captain_client.station import Subscription
 from tests.firmware.captain_client.places import address_of
 from tests.firmware.captain_client.test_reception import TOLD
 from tests.system.air import Air
@@ -193,16 +194,22 @@ def test_restart_of_the_station_counts_the_messages_that_were_missed_until_the_r
     bench = launch()
     with Station(address_of(bench)) as box, box.listen("cam", timeout_s=0.02) as cams:
         bench.air.send(mark())
-        assert next(cams).missed == 0
+        assert awaited(cams).missed == 0
         bench.station.stop()
         bench.station.start()
-        end = time.monotonic() + PATIENCE
-        while (cam := next(cams, None)) is None:
-            assert time.monotonic() < end
-            bench.air.send(mark())
+        cam = awaited(cams, lambda: bench.air.send(mark()))
         received = 1 + len(list(cams))
         assert box.missed == cam.missed
         assert box.missed + received == bench.station.status()["endpoint"]["published"]
+
+
+def awaited(messages: Subscription[Message], meanwhile: Callable[[], object] = lambda: None) -> Message:
+    """Return the next message. Calls meanwhile() after each timeout of the subscription."""
+    end = time.monotonic() + PATIENCE
+    while (message := next(messages, None)) is None:
+        assert time.monotonic() < end
+        meanwhile()
+    return message
 
 
 def test_message_of_a_stopped_station_raises_unreachable(launch: Launcher):

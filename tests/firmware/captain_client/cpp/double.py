@@ -1,6 +1,7 @@
 """Double of a station for clients: it publishes and confirms what a test tells it to."""
 
 import json
+import time
 from typing import Any
 
 import zmq
@@ -37,11 +38,24 @@ class Double:
         if kind == zmq.XPUB:
             socket.setsockopt(zmq.XPUB_VERBOSE, 1)
         socket.linger, socket.rcvtimeo = 0, int(PATIENCE * 1000)
-        socket.bind(f"tcp://127.0.0.1:{self.first + offset}")
-        return socket
+        deadline = time.monotonic() + PATIENCE
+        while True:
+            try:
+                socket.bind(f"tcp://127.0.0.1:{self.first + offset}")
+            except zmq.ZMQError:  # libzmq closes the port of an earlier socket in the background
+                assert time.monotonic() < deadline
+            else:
+                return socket
 
     def stop(self) -> None:
         self._context.destroy(linger=0)
+
+    def stop_taking(self) -> None:
+        """End the connection for messages only, as a proxy does at its own time."""
+        self._pull.close()
+
+    def take_again(self) -> None:
+        self._pull = self._bound(zmq.PULL, 2)
 
     def publish(self, topic: str, said: object, *frames: bytes) -> None:
         self._report.send_multipart([topic.encode(), json.dumps(said).encode(), *frames])

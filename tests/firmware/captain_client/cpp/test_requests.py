@@ -1,6 +1,7 @@
 """Requests of the C++ client: frames on the wire, confirms, refusals, timeouts and restarts."""
 
 import json
+import time
 from pathlib import Path
 
 import pytest
@@ -116,6 +117,17 @@ def test_confirmed_after_a_restart_ends_at_once_and_the_next_request_is_confirme
     double.confirm(label, "accepted", interfaces=["g5"])
     double.confirm(label, "sent", interface="g5")
     assert driver.ask("confirmed")["sent"] == ["g5"]
+
+
+def test_status_that_comes_before_the_connection_for_messages_proves_nothing(double: Double, driver: Driver) -> None:
+    double.stop_taking()
+    time.sleep(SETTLED_MS / 1000)  # the client sees the end of the connection
+    driver.tell("send", type="cam")
+    time.sleep(SETTLED_MS / 1000)  # it waits for the next one
+    double.publish_status()
+    double.take_again()
+    assert double.takes_nothing(SETTLED_MS)
+    assert driver.line_after(double.publish_status)["said"] == double.take()[2]["label"]
 
 
 def test_request_after_the_restart_stays_open_at_the_first_status_of_the_new_run(

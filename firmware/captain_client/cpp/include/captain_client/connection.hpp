@@ -39,15 +39,14 @@ class Connection {
 public:
     /// Connect, and wait until the station answers. Throws UnreachableError if it does not within the timeout.
     Connection(Address address, Milliseconds timeout)
-        : address_(std::move(address)), timeout_(timeout), push_(connected(zmq::socket_type::push, address_.push())),
-          ends_(context_, zmq::socket_type::pair), reports_(subscribed({"confirm.", "status."}, high_water_of_reports))
+        : address_(std::move(address)), timeout_(timeout), connections_(context_, zmq::socket_type::pair),
+          push_(connected(zmq::socket_type::push, address_.push())),
+          reports_(subscribed({"confirm.", "status."}, high_water_of_reports))
     {
-        const char *const ends = "inproc://ends";
-        if (zmq_socket_monitor(push_.handle(), ends, ZMQ_EVENT_DISCONNECTED) != 0)
-            throw zmq::error_t();
-        ends_.connect(ends);
         wait_for_status(0);
-        wait_for_push();
+        if (!is_ready(connections_, ZMQ_POLLIN, timeout_))
+            throw unreachable(address_.push());
+        has_connected(); // later connections are interruptions
     }
 
     static constexpr int high_water = 10'000; // messages that a listener queues: 10 s at 1,000 per second
@@ -122,6 +121,8 @@ private:
     static constexpr int linger_ms = 1000;                 // a program that sends and ends at once
     // ZMTP heartbeats detect a station that has lost its power or network: TCP does not notice.
     static constexpr int heartbeat_ms = 1000, heartbeat_timeout_ms = 3000;
+    // Time limit for the event of a connection, which libzmq sends some us after the socket is writable.
+    static constexpr Milliseconds event_delay{100};
 
     zmq::socket_t connected(zmq::socket_type type, const std::string &endpoint, int most = high_water)
     {
@@ -136,6 +137,7 @@ private:
         if (type == zmq::socket_type::push) {
             socket.set(zmq::sockopt::sndtimeo, 0);     // send() polls first
             socket.set(zmq::sockopt::immediate, true); // queues no old messages for a station that starts later
+            watch(socket);
         }
         try {
             socket.connect(endpoint);
@@ -156,15 +158,47 @@ private:
     /// the subscriptions again. Without them, confirms would be lost.
     void wait_for_push()
     {
-        take_reports();
-        zmq::pollitem_t item{push_.handle(), 0, ZMQ_POLLOUT, 0};
-        if (!poll(&item, 1, timeout_) || item.revents == 0)
-            throw unreachable(address_.push());
-        for (zmq::message_t event; uninterrupted([&] { return ends_.recv(event, zmq::recv_flags::dontwait); });)
-            is_interrupted_ = true;
-        if (is_interrupted_)
+        for (;;) {
+            if (!is_ready(push_, ZMQ_POLLOUT, Milliseconds::zero())) {
+                if (!is_ready(push_, ZMQ_POLLOUT, timeout_))
+                    throw unreachable(address_.push());
+                is_ready(connections_, ZMQ_POLLIN, event_delay);
+            }
+            if (has_connected())
+                is_interrupted_ = true;
+            take_reports(); // those of the former run prove nothing
+            if (!is_interrupted_)
+                return;
             wait_for_status(statuses_);
-        is_interrupted_ = false;
+            is_interrupted_ = false;
+        }
+    }
+
+    /// Count the connections of a push socket by events of libzmq. A connection counts after the handshake: a proxy without its
+    /// station accepts and ends ten connections per second.
+    void watch(zmq::socket_t &push)
+    {
+        const char *const connections = "inproc://connections";
+        if (zmq_socket_monitor(push.handle(), connections, ZMQ_EVENT_HANDSHAKE_SUCCEEDED) != 0)
+            throw zmq::error_t();
+        connections_.set(zmq::sockopt::rcvhwm, 0); // a full queue of events would stop all sockets of the context
+        connections_.connect(connections);
+    }
+
+    /// Return true if there is a new connection since the last call.
+    bool has_connected()
+    {
+        bool found = false;
+        for (zmq::message_t event; uninterrupted([&] { return connections_.recv(event, zmq::recv_flags::dontwait); });)
+            found = true;
+        return found;
+    }
+
+    /// Wait for an event of a socket; return false after the timeout, or if a signal handler has run.
+    static bool is_ready(zmq::socket_t &socket, short event, Milliseconds timeout)
+    {
+        zmq::pollitem_t item{socket.handle(), 0, event, 0};
+        return poll(&item, 1, timeout) && item.revents != 0;
     }
 
     static void check_length(const std::string &what, std::size_t octets)
@@ -202,8 +236,8 @@ private:
     Address address_;
     Milliseconds timeout_;
     zmq::context_t context_;
-    zmq::socket_t push_, ends_, reports_; // ends_: events of libzmq, the ends of connections of push_
-    bool is_interrupted_ = false;         // a connection of push_ has ended since the last status that was waited for
+    zmq::socket_t connections_, push_, reports_; // connections_: events of libzmq, the connections of push_
+    bool is_interrupted_ = false;                // push_ has connected again since the last status that was waited for
     Requests requests_;
     nlohmann::json status_;
     unsigned long statuses_ = 0; // number of received statuses
