@@ -135,6 +135,10 @@ class Topics:
         names = dict.fromkeys(kind.name for kind in self.kinds)
         return tuple(f"{word}.{name}.".encode() for word in words for name in names)
 
+    def names(self) -> list[str]:
+        """Return the names of all types, without duplicates."""
+        return list(dict.fromkeys(kind.name for kind in self.kinds if kind.name))
+
     def lanes(self) -> tuple[frozenset[int], ...]:
         """Return the messageIDs of each reception queue: first all of priority 0, then those of each name by priority.
 

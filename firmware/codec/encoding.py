@@ -4,10 +4,9 @@ import json
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from board.runtime.describe import remedy
 from board.runtime.errors import RequestError
 from drivers.wire.editions import names, of_header
-from firmware.codec.library import Message, strict_name
+from firmware.codec.library import Message, other_edition, strict_name
 from firmware.codec.reading import Object, Pdu, pdu_of, port_of, when_ns
 from firmware.topics import JSON_FORMS, PLAIN
 
@@ -115,8 +114,7 @@ def _by_name(one: Object, edition: str, wish: Wish) -> list[Message]:
             f"{one.origin}: edition: {edition} contradicts --edition {wish.asked}",
             "omit --edition, or edit the object (captain does not convert editions)",
         )
-    known = [message.name for message in wish.known]
-    raise RequestError(f"{one.origin}: edition: unknown edition {edition!r}", remedy(edition, known))
+    raise RequestError(f"{one.origin}: edition: unknown edition {edition!r}", other_edition(edition, wish.known))
 
 
 def _by_header(one: Object, value: object, wish: Wish) -> list[Message]:

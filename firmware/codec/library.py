@@ -154,9 +154,17 @@ def editions(library: Library, asked: str | None, option: str = "--edition") -> 
         return known
     chosen = [message for message in known if asked.lower() in (message.name, message.type)]
     if not chosen:
-        names = dict.fromkeys([message.type for message in known] + [message.name for message in known])
-        raise RequestError(
-            f"{option}: unknown edition {asked!r}",
-            f"{remedy(asked.lower(), names)}; `captain decode --list` shows them all",
-        )
+        told = other_edition(asked, known, list(dict.fromkeys(message.type for message in known)))
+        raise RequestError(f"{option}: unknown edition {asked!r}", f"{told}; `captain decode --list` shows them all")
     return chosen
+
+
+def other_edition(asked: str, known: Sequence[Message], types: Sequence[str] = ()) -> str:
+    """Return the remedy for an unknown edition: a similar edition of its type, or all of them; else a similar name.
+
+    types  names of types that may be written in place of an edition.
+    """
+    asked = asked.lower()
+    names = [one.name for one in known]
+    of_type = [one.name for one in known if asked.startswith(f"{one.type}-")]
+    return remedy(asked, of_type or [*types, *names])

@@ -27,6 +27,11 @@ KINDS = {
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
+# Paths of streams: `captain demo` and `captain lab` give the board file to a station by its standard input.
+STREAMS = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")
+OF_STREAM = (
+    "the station read it once, at its start, and has no file to reload; start it with --config FILE or --board FILE"
+)
 
 
 def serve(channel: socket.socket) -> None:
@@ -87,7 +92,8 @@ def _check(path: str) -> None:
         mode = os.stat(path).st_mode
         if not stat.S_ISREG(mode):
             what = KINDS.get(stat.S_IFMT(mode), "special")
-            raise ConfigurationError(f"{path}: not a regular file: {what}", "replace it by a regular file")
+            remedy = OF_STREAM if path.startswith(STREAMS) else "replace it by a regular file"
+            raise ConfigurationError(f"{path}: not a regular file: {what}", remedy)
         with open(path, "rb") as file:
             is_empty = not file.read(LOOK).strip()
     except (OSError, ValueError):

@@ -4,12 +4,11 @@ import json
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from board.runtime.describe import remedy
 from board.runtime.errors import RequestError
 from drivers.message import Fault
 from drivers.wire.editions import of_header
 from firmware.codec.encoding import announced
-from firmware.codec.library import Library, Message
+from firmware.codec.library import Library, Message, other_edition
 from firmware.facilities import strict_json
 from firmware.facilities.completing import Completion, stand_in
 from firmware.facilities.exchange import Ask
@@ -98,8 +97,8 @@ class Encoder:
         if edition is None:
             fits = [one for one in self._messages if not one.form_of]
         elif not (fits := [one for one in self._messages if edition in (one.name, one.type)]):
-            names = [one.name for one in self._messages]
-            raise _fault("edition", f"unknown edition; {remedy(str(edition)[:LONGEST], names)}", edition)
+            told = other_edition(str(edition)[:LONGEST], self._messages)
+            raise _fault("edition", f"unknown edition; {told}", edition)
         if ask.type:
             of_type = [one for one in fits if type_name(one.type) == ask.type]
             if not of_type:

@@ -217,6 +217,7 @@ class Station:
 
         station        name of the station.
         profile        table of message types: `standard` or `legacy`.
+        types          names of the message types that it knows: those of the profile, of [[types]] and added ones.
         configuration  digest of the whole configuration. Stations with the same digest are configured alike.
         is_clock_set   true if the system clock was set since boot. On a machine without a real-time clock it is false
                        until NTP or GNSS sets it. Until then time stamps are wrong, the own position has no time, and
@@ -237,6 +238,7 @@ class Station:
         return {
             "station": self.config.tables.station.name,
             "profile": self.config.tables.station.profile,
+            "types": self.topics.names(),
             "configuration": self.config.digest,
             **process_status(self._started, self.loop.clock()),
             "is_clock_set": self._is_clock_set(),

@@ -4,6 +4,8 @@ import logging
 import os
 import signal
 import socket
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from itertools import pairwise
@@ -91,6 +93,14 @@ def test_a_reload_of_what_is_no_regular_file_is_refused_at_once(bench: Bench, ki
     else:
         bench.file.symlink_to("/dev/null")
     assert bench.refuses().message == f"{bench.file}: not a regular file: {word}"
+
+
+@pytest.mark.parametrize("path", ["/dev/stdin", "/dev/fd/0", "/proc/self/fd/0"])
+def test_a_reload_of_a_standard_input_says_that_the_station_has_no_file_to_reload(path: str) -> None:
+    program = f"from firmware.config import reload_child as it; print(next(it.answer([None, [], {path!r}, None], [])))"
+    done = subprocess.run([sys.executable, "-c", program], stdin=subprocess.DEVNULL, capture_output=True, check=True)
+    assert f"{path}: not a regular file: a device".encode() in done.stdout
+    assert b"has no file to reload; start it with --config FILE or --board FILE" in done.stdout
 
 
 def test_a_reload_of_a_socket_is_refused(bench: Bench) -> None:

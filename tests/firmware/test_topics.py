@@ -38,6 +38,14 @@ def test_every_other_id_is_nameless_and_has_no_port(profile: str, number: int) -
     assert (kind.name, kind.btp_port) == ("", None)
 
 
+def test_names_are_those_of_the_profile_and_of_added_types_without_duplicates() -> None:
+    standard, legacy = Topics("standard"), Topics("legacy")
+    assert set(standard.names()) == {row.name for row in ROWS}
+    assert set(standard.names()) - set(legacy.names()) == {"imzm", "mcm"}
+    standard.add(TypeRow(200, "mine", 2100, 2100))
+    assert (standard.names()[-1], standard.names().count("vam"), legacy.names().count("")) == ("mine", 1, 0)
+
+
 @pytest.mark.parametrize("profile", ["standard", "legacy"])
 def test_a_type_without_a_name_is_published_with_two_dots(profile: str) -> None:
     topics = Topics(profile)

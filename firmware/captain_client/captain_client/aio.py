@@ -20,7 +20,7 @@ from captain_client.address import Address, parse
 from captain_client.aio_link import Inlet, Link
 from captain_client.arguments import check_path, check_seconds, check_text
 from captain_client.message import Message
-from captain_client.reception import Reception, Tally
+from captain_client.reception import Reception, Tally, check_types
 from captain_client.reports import Frame, frame_of, object_of
 from captain_client.requests import STATUS, Confirmed, Request, outgoing
 from captain_client.sockets import ANSWER_S, CONFIRM_S, topics_of, topics_of_types
@@ -90,7 +90,8 @@ class Station:
         """Return an asynchronous iterator over received messages.
 
         In `async with`, its subscription has reached the station when the block begins; otherwise with the first
-        message. Both raise UnreachableError if no station answers. Raises ValueError for an invalid argument.
+        message. Both raise UnreachableError if no station answers, and ValueError for a type that it does not know.
+        Raises ValueError for an invalid argument.
 
         types      message types, such as `cam`; default: all.
         timeout_s  end the iteration if no message arrives for this time in seconds; default: wait without limit.
@@ -262,6 +263,7 @@ class Subscription(Generic[T]):
     async def _join(self) -> None:
         """Wait for a status, which proves the subscription. Keep reports that come before it."""
         self._early = await self._link.first_status(self._inlet)
+        check_types(self._topics, self._early[-1])
         self._has_joined = True
         if STATUS not in self._topics:
             self._inlet.unsubscribe(STATUS)

@@ -29,6 +29,7 @@ class Edition(Protocol):
     def validate(self, value: bytes, /) -> None: ...
     def to_json(self, octets: bytes, /, *, plain: bool = False) -> str: ...
     def leaves(self, octets: bytes, /) -> tuple[bytes, int]: ...
+    def type_tree(self) -> Any: ...
 
 
 class Decoded:
@@ -58,13 +59,18 @@ class Decoded:
         return _object(self.edition.to_json(self._pdu, plain=True))
 
     def path(self, name: str) -> str:
-        """Return the path of a short name; a path is returned unchanged. Raises StationError for an unknown name."""
-        if "." in name:
-            return name
+        """Return the path of a short name. A path, and a component of the message, are returned unchanged.
+
+        Raises StationError for an unknown name.
+        """
         names = self.edition.short_names
-        if name not in names:
-            raise StationError(f"{self.edition.name}: unknown name: {name}", f"a path, or one of {', '.join(names)}")
-        return names[name]
+        if "." in name or name in names:
+            return names.get(name, name)
+        components = [field.name for field in self.edition.type_tree().fields]
+        if name.partition("[")[0] not in components:
+            known = ", ".join([*names, *components])
+            raise StationError(f"{self.edition.name}: unknown name: {name}", f"a path, or one of {known}")
+        return name
 
 
 def value_at(value: Any, path: str) -> Any:

@@ -1,7 +1,29 @@
-"""Reception of one subscription: messages, and the number of missed ones."""
+"""Reception of one subscription: known types, messages, and the number of missed ones."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 from captain_client.message import Message
 from captain_client.reports import object_of
+
+WITH_TYPE = ("message", "indication", "confirm")  # kinds of reports whose topics have a message type
+
+
+def check_types(topics: Iterable[bytes], status: list[bytes]) -> None:
+    """Raise ValueError if the station does not know the message type of a topic.
+
+    status  report of the station; without `types` that of an older release, which is not checked.
+    """
+    told = (object_of(status) or {}).get("types")
+    if not isinstance(told, list):
+        return
+    known = [str(name) for name in told]
+    for topic in topics:
+        kind, name, *_ = topic.decode().split(".")
+        if kind in WITH_TYPE and name and name not in known:
+            alike = get_close_matches(name, known, n=1)
+            remedy = f"did you mean {alike[0]}?" if alike else f"known: {', '.join(known)}"
+            raise ValueError(f"types: {name!r}: unknown to the station; {remedy}")
 
 
 class Tally:

@@ -20,7 +20,10 @@ MOST_OPEN = 10_000  # open requests: far above what a station confirms in a seco
 MOST_OCTETS = 0xFFFF  # libzmq in the station ends the connection at a longer frame, and the message is lost
 FORMS = ("json", "plain")
 STATUS = b"status."
-TYPE = re.compile(r"[a-z0-9_]{0,255}")
+TYPE = re.compile(r"[a-z0-9_]{1,255}")
+EDITION = re.compile(r"([a-z0-9_]{1,100})-[a-z0-9.-]{1,100}")
+
+OF_SEND = 'write send("{type}", edition="{edition}")'
 
 
 class Confirmed(NamedTuple):
@@ -64,7 +67,7 @@ def outgoing(
     check_text("form", form)
     check_text("edition", edition)
     check_mapping("options", options or {})
-    envelope = f"v2x.{check_type(kind)}." if kind else "v2x."
+    envelope = f"v2x.{check_type(kind, OF_SEND)}." if kind else "v2x."
     asked = dict(options or {})
     if "form" in asked:
         raise ValueError("options: form: invalid here; give the parameter `form`")
@@ -87,10 +90,17 @@ def outgoing(
     return Outgoing(envelope.encode(), body, asked)
 
 
-def check_type(kind: str) -> str:
-    """Return a message type. Raises ValueError if it is invalid."""
+def check_type(kind: str, of_edition: str = 'write "{type}", which has all editions') -> str:
+    """Return a message type.
+
+    of_edition  remedy if it is an edition; {type} and {edition} are replaced.
+
+    Raises ValueError if it is invalid.
+    """
     if not TYPE.fullmatch(kind):
-        raise ValueError(f"{short(kind)}: invalid message type; lower case, such as cam")
+        found = EDITION.fullmatch(kind)
+        remedy = of_edition.format(type=found[1], edition=kind) if found else "lower case, such as cam"
+        raise ValueError(f"{short(kind)}: invalid message type; {remedy}")
     return kind
 
 

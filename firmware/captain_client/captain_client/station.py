@@ -19,7 +19,7 @@ from captain_client.address import Address, parse
 from captain_client.arguments import check_path, check_seconds, check_text
 from captain_client.link import Link
 from captain_client.message import Message
-from captain_client.reception import Reception, Tally
+from captain_client.reception import Reception, Tally, check_types
 from captain_client.reports import Frame, frame_of, object_of
 from captain_client.requests import STATUS, Confirmed, Request, outgoing
 from captain_client.sockets import ANSWER_S, CONFIRM_S, topics_of, topics_of_types
@@ -94,7 +94,8 @@ class Station:
         types      message types, such as `cam`; default: all.
         timeout_s  end the iteration if no message arrives for this time in seconds; default: wait without limit.
 
-        Raises UnreachableError like the constructor, and ValueError for an invalid argument.
+        Raises UnreachableError like the constructor, and ValueError for an invalid argument or a type that the station
+        does not know.
         """
         reception = Reception(self._tally)
         return self._subscription(topics_of_types("message", types), reception.read, timeout_s, reception.begin)
@@ -211,7 +212,8 @@ class Subscription(Generic[T]):
     timeout_s  end the iteration if no report arrives for this time in seconds; None: no limit.
     begin      takes the status that proves the subscription.
 
-    Raises UnreachableError like Station. The iteration raises StationError after close().
+    Raises UnreachableError like Station, and ValueError for a type that the station does not know. The iteration raises
+    StationError after close().
     """
 
     def __init__(
@@ -230,6 +232,7 @@ class Subscription(Generic[T]):
         self._timeout_s = timeout_s
         self._begin = begin
         self._early = deque(link.first_status(self._socket))
+        check_types(topics, self._early[-1])
         if STATUS not in topics:
             self._socket.unsubscribe(STATUS)
 

@@ -93,7 +93,7 @@ def _summed(flights: Flights, hop: tuple[str, str, str, str], count: int) -> tup
 
 
 def _described(flight: Flight) -> str:
-    octets = f"{flight.octets} octets"
+    octets = f"{flight.octets} octets of JSON" if flight.is_json else f"{flight.octets} octets"
     return f"{flight.type} {octets}" if flight.type else octets
 
 

@@ -39,14 +39,19 @@ class Times:
 
 
 class Flight:
-    """One message given to the station, with the confirms received for it."""
+    """One message given to the station, with the confirms received for it.
 
-    __slots__ = ("expected", "hops", "label", "octets", "origin", "type")
+    octets   length of the PDU; with is_json that of the JSON object.
+    is_json  the message is JSON, and no confirm has told the length of its PDU.
+    """
 
-    def __init__(self, label: str, origin: str, octets: int) -> None:
+    __slots__ = ("expected", "hops", "is_json", "label", "octets", "origin", "type")
+
+    def __init__(self, label: str, origin: str, octets: int, is_json: bool = False) -> None:
         self.label = label
         self.origin = origin
         self.octets = octets
+        self.is_json = is_json
         self.type = ""
         # Interfaces that must confirm the message; None until the station has accepted or refused it.
         self.expected: set[str] | None = None
@@ -78,9 +83,9 @@ class Flights:
         self.rubbish = 0
         self._most = most
 
-    def depart(self, label: str, origin: str, octets: int) -> Flight | None:
+    def depart(self, label: str, origin: str, octets: int, is_json: bool = False) -> Flight | None:
         """Add a message that was given to the station. Beyond the limit, return the oldest flight as unconfirmed."""
-        self.open[label] = Flight(label, origin, octets)
+        self.open[label] = Flight(label, origin, octets, is_json)
         return self.give_up(next(iter(self.open))) if len(self.open) > self._most else None
 
     def feed(self, confirm: Mapping[str, object]) -> Flight | None:
@@ -95,6 +100,8 @@ class Flights:
         flight.type = text(confirm, "type")
         if outcome == "accepted":
             flight.expected = set(texts(confirm, "interfaces"))
+            if flight.is_json and (octets := round(number(confirm, "octets"))):
+                flight.octets, flight.is_json = octets, False
         else:
             self._land(flight, outcome, confirm)
         return self.give_up(flight.label) if flight.is_over else None

@@ -113,11 +113,12 @@ class Sending:
         label = f"{self._label}/{self.count}"
         envelope = f"v2x.{kind}." if kind else "v2x."
         options = {**self._options, **(more or {}), "label": label}
-        if one.form != "octets":
+        is_json = one.form != "octets"
+        if is_json:
             options = {"form": one.form, **options}
         frames = [envelope.encode(), one.pdu, json.dumps(options).encode()]
         # The flight is recorded before sending, because a signal may end the command at any time.
-        lost = None if self._confirms is None else self.flights.depart(label, one.origin, len(one.pdu))
+        lost = None if self._confirms is None else self.flights.depart(label, one.origin, len(one.pdu), is_json)
         self._pusher.send_multipart(frames, zmq.DONTWAIT)
         if lost is not None:
             self._on_over(lost)

@@ -102,6 +102,19 @@ def test_listen_without_a_block_begins_with_the_first_message(bench: Bench, air:
     assert run(bench, use)[:2] == b"\2\2"
 
 
+def test_subscription_to_an_unknown_type_raises_value_error_when_it_begins(bench: Bench):
+    async def block(box: Station) -> None:
+        async with box.listen("camm"):
+            raise AssertionError
+
+    async def first_message(box: Station) -> None:
+        await anext(box.indications("camm"))
+
+    for use in (block, first_message):
+        with pytest.raises(ValueError, match=r"'camm': unknown to the station; did you mean cam\?"):
+            run(bench, use)
+
+
 def test_reports_are_objects_of_the_station(bench: Bench, air: Air):
     async def use(box: Station) -> None:
         wait = {"timeout_s": PATIENCE}

@@ -4,6 +4,7 @@ import copy
 import pickle
 import sys
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 
 import pytest
 
@@ -15,6 +16,14 @@ from tests.firmware.captain_client.test_reception import TOLD
 # A CAM of station 2602961571 in Prague: V1.4.1.
 CAM = bytes.fromhex("02029b260aa393e6005a6f0da4ae7bfb35a238230a6a3d4290581a90a3f67e02e6928b37fee9fea6103fdf93d980")
 PLACE = "cam.camParameters.basicContainer.referencePosition"
+
+
+# Own type with one short name.
+OWN_TYPE = SimpleNamespace(
+    name="note-1",
+    short_names={"speed": "header.x"},
+    type_tree=lambda: SimpleNamespace(fields=[SimpleNamespace(name=name) for name in ("header", "text", "list")]),
+)
 
 
 def message(pdu: bytes = CAM, kind: str = "cam") -> Message:
@@ -53,6 +62,21 @@ def test_attribute_is_a_component_with_the_integers_of_the_standard():
 )
 def test_get_by_short_name_or_path_is_the_plain_value_or_none(name: str, value: object):
     assert message().get(name) == value
+
+
+def test_get_with_a_first_component_returns_it():
+    cam = message()
+    assert cam.get("header") == {"protocolVersion": 2, "messageID": 2, "stationID": 2602961571}
+    assert cam.get("cam") == cam.plain["cam"]
+
+
+def test_get_with_an_absent_first_component_of_an_own_type_returns_none(monkeypatch: pytest.MonkeyPatch):
+    decoded = message()._decoded
+    monkeypatch.setattr(decoded, "edition", OWN_TYPE)
+    assert [decoded.path(name) for name in ("text", "list[0]", "speed")] == ["text", "list[0]", "header.x"]
+    with pytest.raises(StationError) as error:
+        decoded.path("sped")
+    assert error.value.hint == "a path, or one of speed, header, text, list"
 
 
 def test_get_with_an_unknown_short_name_names_the_known_ones():

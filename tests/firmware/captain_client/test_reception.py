@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from captain_client.message import Message
-from captain_client.reception import Reception, Tally
+from captain_client.reception import Reception, Tally, check_types
 
 PDU = bytes.fromhex("02029b260aa3")
 TOLD: dict[str, Any] = {
@@ -50,6 +50,16 @@ def test_message_has_the_metadata_of_its_report():
     told = {name: getattr(message, name) for name in TOLD if name not in ("run", "sequence")}
     assert told == {name: value for name, value in TOLD.items() if name not in ("run", "sequence")}
     assert message.implausible == ("position-jump",)
+
+
+@pytest.mark.parametrize("told", [b'{"types": ["cam", "denm"]}', b'{"types": 7}', b'{"run": "1"}', b"["])
+def test_check_of_known_types_or_of_a_station_that_does_not_tell_its_types_passes(told: bytes):
+    check_types((b"message.", b"message.cam.", b"frame.g5.", b"status."), [b"status.", told])
+
+
+def test_check_of_an_unknown_type_without_a_similar_one_names_all():
+    with pytest.raises(ValueError, match="types: 'xyz': unknown to the station; known: cam, denm"):
+        check_types((b"message.cam.", b"message.xyz."), [b"status.", b'{"types": ["cam", "denm"]}'])
 
 
 def test_message_of_a_short_pdu_has_no_station():

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from captain_client.errors import RefusedError, UnconfirmedError
-from captain_client.requests import Confirmed, Request, Requests, outgoing
+from captain_client.requests import Confirmed, Request, Requests, check_type, outgoing
 
 PDU = bytes.fromhex("0202000000070102")
 INVALID = [{"path": "cam.x", "problem": "missing: 0 to 255", "value": None}]
@@ -49,6 +49,16 @@ def test_request_becomes_envelope_body_and_options_with_a_label(arguments: Any, 
     assert envelope == b"v2x.cam."
     assert (sent if isinstance(body, bytes) else json.loads(sent)) == body
     assert json.loads(told) == {**options, "label": request.label}
+
+
+def test_request_with_an_edition_as_type_names_the_argument_for_editions():
+    with pytest.raises(ValueError, match=r"""^'cam-1.4.1': .*; write send\("cam", edition="cam-1.4.1"\)$"""):
+        outgoing("cam-1.4.1", None, "", "", None, {"speed": 1.0})
+
+
+def test_type_that_is_an_edition_names_the_type():
+    with pytest.raises(ValueError, match=r"""^'cam-1.4.1': .*; write "cam", which has all editions$"""):
+        check_type("cam-1.4.1")
 
 
 def test_request_without_a_type_leaves_the_type_to_the_station():

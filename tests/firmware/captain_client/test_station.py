@@ -116,10 +116,16 @@ def test_listen_ends_when_no_message_arrives_within_the_timeout(box: Station):
     assert list(box.listen("spatem", timeout_s=0.05)) == []
 
 
-@pytest.mark.parametrize("kind", ["CAM", "cam.", "cam-1.4.1", "x" * 256])
+@pytest.mark.parametrize("kind", ["", "CAM", "cam.", "cam-1.4.1", "x" * 256])
 def test_listen_to_an_invalid_type_raises_value_error(box: Station, kind: str):
     with pytest.raises(ValueError, match="invalid message type"):
         box.listen(kind)
+
+
+def test_subscription_to_an_unknown_type_raises_value_error_with_the_nearest_one(box: Station):
+    for subscribe in (box.listen, box.indications, box.confirms):
+        with pytest.raises(ValueError, match=r"^types: 'camm': unknown to the station; did you mean cam\?$"):
+            subscribe("denm", "camm")
 
 
 def test_indications_confirms_and_frames_are_reports_of_the_station(box: Station, air: Air):

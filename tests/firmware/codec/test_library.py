@@ -25,7 +25,10 @@ def test_an_edition_or_all_of_a_type_may_be_asked_for(standin, asked, found):
     assert editions(standin, asked) == found
 
 
-@pytest.mark.parametrize(("asked", "remedy"), [("ball-1.3", "did you mean ball-1.2?"), ("xyz", "known: ball, ")])
+@pytest.mark.parametrize(
+    ("asked", "remedy"),
+    [("ball-1.3", "did you mean ball-1.2?"), ("door-of-the-barn", "known: door-1.1; "), ("xyz", "known: ball, ")],
+)
 def test_an_edition_that_is_not_there_is_refused_with_what_is(standin, asked, remedy):
     with pytest.raises(RequestError) as told:
         editions(standin, asked)

@@ -184,7 +184,8 @@ def test_a_value_that_cannot_be_is_told_with_path_value_and_range_and_the_next_g
     [
         ('{"message": {}}', 'edition is missing\n  (add "edition" or pass --edition cam-1.4.1)'),
         ('{"header": {"messageID": 67}}', 'edition is missing\n  (add "edition" or pass --edition door-1.1)'),
-        ('{"edition": "door-9", "message": {}}', "edition: unknown edition 'door-9'"),
+        ('{"edition": "door-9", "message": {}}', "edition: unknown edition 'door-9'\n  (did you mean door-1.1?)"),
+        ('{"edition": "door-of-the-barn", "message": {}}', "unknown edition 'door-of-the-barn'\n  (known: door-1.1)"),
         ('{"edition": 7, "message": {}}', "edition: 7 is not a text"),
         ('{"edition": "door-1.1"}', '"message" is missing'),
         ('{"edition": "door-1.1", "message": 7}', "message: 7 is not an object"),

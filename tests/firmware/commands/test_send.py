@@ -49,6 +49,21 @@ def test_a_sent_message_is_told_with_its_interface_and_times(capsys):
     assert station.requests[0][:2] == [b"v2x.", bytes.fromhex(CAM)]
 
 
+def test_a_message_in_json_is_told_with_the_octets_of_its_pdu(capsys):
+    def answer(options: dict[str, object], number: int) -> list[dict[str, object]]:
+        return [one | {"octets": 40} for one in sent_by("g5")(options, number)]
+
+    with FakeStation(answer=answer) as station:
+        assert sent(station, '{"edition": "cam", "fields": {"speed": 13.9}}') == 0
+    assert "cam 40 octets: sent by g5" in capsys.readouterr().out
+
+
+def test_a_refused_message_in_json_is_told_with_the_octets_of_its_json(capsys):
+    with FakeStation(answer=refused) as station:
+        assert sent(station, '{"edition": "cam", "fields": {}}') == 1
+    assert "cam 32 octets of JSON: refused" in capsys.readouterr().out
+
+
 def test_the_options_go_along_in_the_third_frame():
     wishes = ["--type", "CAM", "--interface", "g5", "--interface", "5g", "--label", "mine", "--lifetime", "2"]
     wishes += ["--traffic-class", "3", "--priority", "1", "--btp-port", "2001", "--hop-limit", "4"]

@@ -94,6 +94,12 @@ def test_faults_behind_one_of_a_list_of_bits_are_listed_as_well() -> None:
     }
 
 
+def test_unknown_edition_is_refused_with_the_editions_of_its_type() -> None:
+    known = "cam-1.4.1, cam-2.3.1, cam-2.1.1, cam-1.3.2, cam-2.3.1-ext"
+    assert faults({"edition": "cam-9", "message": {}}) == {"edition": f"unknown edition; known: {known}"}
+    assert faults({"edition": "cam-1.4.2", "message": {}}) == {"edition": "unknown edition; did you mean cam-1.4.1?"}
+
+
 def test_header_of_another_message_is_refused() -> None:
     value = cam()
     value["message"]["header"] = {"protocolVersion": 2, "messageID": 1, "stationID": 7}
