@@ -2,7 +2,7 @@
 # make ... ARGS='...' passes options on to the program that a target starts.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup packages run codec wheels import-check docs reference test fresh test-binary test-binary-directory test-binary-file check arcs mutants portable fuzz truth dialects \
+.PHONY: help setup packages run codec wheels wheels-test import-check docs reference test fresh test-binary test-binary-directory test-binary-file check arcs mutants portable fuzz truth dialects \
 	bench bench-station bench-json bench-messages bench-v2n bench-time bench-record bench-ros2 bench-before lab meter attack chaos outages client facilities fleet swarm \
 	kernel ros2 clock days chronyd binary deb deb-test image image-test programs programs-test release flash lock proof clean
 
@@ -34,6 +34,9 @@ codec: setup ## build the Python module of all messages; in build/codec, with th
 
 wheels: setup ## build captain-client and captain-messages for other Pythons; in build/wheels; ARGS='cam-1.4.1' for some messages
 	@.ci/wheels $(ARGS)
+
+wheels-test: setup-image ## both wheels in new Debian 12 and 13 roots, as root: Python 3.11 and 3.13, offline; after make wheels
+	@.venv/bin/python -m tests.programs.wheels $(ARGS)
 
 import-check: setup-test ## do the modules of the standards in ASN1=DIR give the committed schema and the same codecs?
 	@[ -n "$(ASN1)" ] || { echo "make import-check ASN1=DIR: the directory with the modules" >&2; exit 2; }
