@@ -179,7 +179,7 @@ chronyd: setup-test ## a real chronyd, fed and stepped: by the refclock alone, t
 binary: setup-freeze setup ## build captain as one file and as a directory; in build/binary; the directory is for the image
 	@.ci/freeze
 
-deb: setup-freeze setup ## build both Debian packages for this machine's processor, without root; in build/deb
+deb: setup-freeze setup ## build both Debian packages for this processor; in build/deb, without root
 	@.venv/bin/python -m image.program.native
 
 deb-test: setup-image deb ## both packages in new Debian 12 and 13 roots, as root; ARGS='--suites bookworm', ARGS='--made build/programs --arch arm64'
