@@ -13,7 +13,7 @@ PYTEST := .venv/bin/python -m pytest
 
 # The targets of `make help`, by group; ALL=1 has the others as well, each with its options.
 USE := packages setup run lab meter
-TOOLS := codec wheels docs binary deb programs image flash
+TOOLS := codec wheels docs deb programs image flash
 DEVELOP := test check reference fresh bench proof clean
 
 help: ## targets by group; ALL=1 shows all of them with their options
