@@ -109,10 +109,30 @@ PyObject *choice_value(PyObject *self, void *unused)
     return view_value(slot->shape, slot_value(slot, view->value), view->storage);
 }
 
+/* Handle the chosen alternative, methods, and unknown names. */
+static NEVER_INLINE PyObject *choice_other(PyObject *self, PyObject *name)
+{
+    PyObject *value = PyObject_GenericGetAttr(self, name);
+    if (value != NULL || !PyErr_ExceptionMatches(PyExc_AttributeError))
+        return value;
+    PyErr_Clear();
+    const shape *shape = of(self)->shape;
+    uint32_t choice = AT(uint32_t, of(self)->value);
+    Py_ssize_t index = slot_find_attribute(shape, name);
+    if (index >= 0 && (uint32_t)index + 1 == choice)
+        return choice_value(self, NULL);
+    PyObject *chosen = choice_name(shape, choice);
+    if (chosen != NULL)
+        PyErr_Format(PyExc_AttributeError, "%s: the alternative is '%U', not '%U'; .value is its value",
+                     captain_type_text(shape->type), chosen, name);
+    Py_XDECREF(chosen);
+    return NULL;
+}
+
 /* A lookup in the class's table of attributes would cost 20 ns more. */
 PyObject *choice_getattro(PyObject *self, PyObject *name)
 {
-    return name == value_name ? choice_value(self, NULL) : PyObject_GenericGetAttr(self, name);
+    return name == value_name ? choice_value(self, NULL) : choice_other(self, name);
 }
 
 /* ---------------------------------------------------------------- SEQUENCE OF */

@@ -48,6 +48,14 @@ def test_a_choice_has_a_name_and_a_value():
     assert not hasattr(container, "heading")
 
 
+def test_a_choice_has_its_alternative_as_attribute_and_an_error_for_another_names_it():
+    container = CAM.view(CAM_OCTETS).cam.camParameters.highFrequencyContainer
+    assert container.basicVehicleContainerHighFrequency == container.value
+    with pytest.raises(AttributeError, match=r"is 'basicVehicle\w+', not 'heading'; \.value is its value"):
+        container.heading  # noqa: B018
+    assert not hasattr(container, "rsuContainerHighFrequency")
+
+
 def test_a_list_is_a_sequence():
     lanes = MAPEM.view(MAPEM_OCTETS).map.intersections[0].laneSet
     values = MAPEM.decode(MAPEM_OCTETS)["map"]["intersections"][0]["laneSet"]
