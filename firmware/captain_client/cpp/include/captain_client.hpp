@@ -84,7 +84,7 @@ public:
     }
 
     /// Receive messages of these types, or of all types. The first user of Form::plain or Form::json starts the station's
-    /// decoder, which misses the messages of half a second.
+    /// decoder, which misses the messages of half a second. Throws std::invalid_argument for a type that the station does not know.
     Listener listen(const std::vector<std::string> &types = {}, Form form = Form::plain) { return {connection_, types, form}; }
 
     /// Receive other reports: topics such as "indication.", "confirm.cam.", "time." or "frame.g5.".

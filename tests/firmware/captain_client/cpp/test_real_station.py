@@ -111,6 +111,18 @@ def test_received_message_comes_as_plain_json_and_as_octets(bench: Bench, progra
     driver.close()
 
 
+def test_listen_to_an_unknown_type_is_an_error_with_the_known_ones(bench: Bench, program: Path) -> None:
+    driver = Driver(program, address(bench))
+    assert driver.line() == {"said": "connected"}
+    driver.ask("listen", types=["cam", ""], form="pdu")
+    driver.tell("listen", types=["cam", "camm"])
+    answer = driver.line()
+    assert answer["error"] == "invalid"
+    assert "'camm': unknown to the station" in answer["what"]
+    assert '"denm","cam"' in answer["what"]
+    driver.close()
+
+
 def test_client_continues_after_a_restart_of_the_station(launch_shared: Launcher, program: Path) -> None:
     bench = launch_shared()
     driver = Driver(program, address(bench))

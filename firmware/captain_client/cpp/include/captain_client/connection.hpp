@@ -109,6 +109,9 @@ public:
         return status_;
     }
 
+    /// Return the station's message types, from its last status; null for a station of an older release.
+    nlohmann::json types() const { return status_.value("types", nlohmann::json()); }
+
     /// Return the run of the station, from its last status.
     const std::string &run() const { return requests_.run(); }
 

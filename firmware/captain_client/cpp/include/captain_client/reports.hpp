@@ -2,6 +2,7 @@
 #ifndef CAPTAIN_CLIENT_REPORTS_HPP
 #define CAPTAIN_CLIENT_REPORTS_HPP
 
+#include <algorithm>
 #include <cstddef>
 #include <iterator>
 #include <memory>
@@ -80,6 +81,8 @@ public:
     Listener(std::shared_ptr<Connection> connection, const std::vector<std::string> &types, Form form)
         : connection_(connection), reports_(std::move(connection), topics(types, form)), gaps_(connection_->run())
     {
+        for (const std::string &type : types)
+            check(type);
     }
 
     /// Wait for the next message. Returns nothing after the timeout, or when a signal handler has run.
@@ -98,6 +101,19 @@ public:
     Iterator<Listener, Message> end() { return {}; }
 
 private:
+    /// Throw std::invalid_argument if the station does not know a type. The last status may be older than an added type.
+    void check(const std::string &type)
+    {
+        const auto is_unknown = [&](const nlohmann::json &known) {
+            return !type.empty() && known.is_array() && std::find(known.begin(), known.end(), type) == known.end();
+        };
+        if (!is_unknown(connection_->types()))
+            return;
+        connection_->next_status();
+        if (const nlohmann::json known = connection_->types(); is_unknown(known))
+            throw std::invalid_argument("message type '" + type + "': unknown to the station; known: " + known.dump());
+    }
+
     static std::vector<std::string> topics(const std::vector<std::string> &types, Form form)
     {
         const std::string first = form == Form::plain ? "plain." : form == Form::json ? "json." : "message.";
