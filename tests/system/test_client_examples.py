@@ -4,6 +4,7 @@ import csv
 import itertools
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -83,11 +84,53 @@ def test_example_without_its_arguments_says_its_usage(name: str) -> None:
     assert said_at_the_end(name).startswith(f"usage: {name}")
 
 
+@pytest.fixture
+def arguments(name: str, tmp_path: Path) -> tuple[object, ...]:
+    """Return valid arguments of an example, before its station."""
+    (tmp_path / "track.gpx").write_text(GPX)
+    own: dict[str, tuple[object, ...]] = {
+        "answer_srem.py": (12,),
+        "gpx_cams.py": (tmp_path / "track.gpx",),
+        "lamp.py": (12, 3),
+        "latency.py": (5,),
+        "losses.py": (5, ":1"),
+        "relay_mqtt.py": ("cam", 1),
+        "time_bound.py": (1.0,),
+    }
+    return own.get(name, ())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_example_without_a_station_ends_with_an_error_only(name: str, arguments: tuple[object, ...]) -> None:
+    command = [sys.executable, FOLDER / name, *map(str, arguments), ":1"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert re.match(r"captain: [^\n]*127\.0\.0\.1:4\b", done.stderr)
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_example_with_ctrl_c_ends_without_a_word(name: str, arguments: tuple[object, ...]) -> None:
+    with (
+        socket.create_server(("127.0.0.1", 0)) as silent,
+        running(name, *arguments, f":{silent.getsockname()[1] - 3}") as child,
+    ):
+        silent.settimeout(PATIENCE)
+        silent.accept()[0].close()  # the example waits for a status of this station
+        child.send_signal(signal.SIGINT)
+        said, complained = child.communicate(timeout=PATIENCE)
+    assert (child.returncode, said, complained) == (0, "", "")
+
+
+def test_relay_without_a_broker_ends_with_an_error_of_one_line(bench: ExampleBench) -> None:
+    assert re.fullmatch(r"MQTT broker at port 1: .*refused", said_at_the_end("relay_mqtt.py", "cam", 1, bench.address))
+
+
 @pytest.mark.parametrize(
     ("name", "arguments"),
     [
         ("answer_srem.py", ["x"]),
-        ("lamp.py", ["x"]),
+        ("lamp.py", ["12", "x"]),
         ("latency.py", ["x"]),
         ("losses.py", ["x", ":5555", ":5565"]),
         ("relay_mqtt.py", ["cam", "x"]),
@@ -134,13 +177,18 @@ def test_gpx_track_is_sent_as_cams_every_tenth_of_a_second(bench: ExampleBench, 
     assert {one["heading"]["headingValue"] for one in motions} == {0}
 
 
-def test_denm_ahead_is_warned_of_and_one_behind_far_away_or_without_a_place_is_not(bench: ExampleBench) -> None:
+def test_denm_ahead_is_warned_of_and_one_behind_far_away_ended_or_without_a_place_is_not(bench: ExampleBench) -> None:
     at = {"ahead": (7, 0.002), "behind": (8, -0.002), "far": (9, 0.01)}  # stationID, degrees east of the station
     denms = [
         pdu("denm", station=station, latitude=LATITUDE, longitude=LONGITUDE + east, cause=94)
         for station, east in at.values()
     ]
     denms.insert(0, pdu("denm", station=6, latitude="unavailable", longitude="unavailable", cause=94))
+    east = at["ahead"][1]
+    denms.insert(
+        0,
+        pdu("denm", station=5, latitude=LATITUDE, longitude=LONGITUDE + east, termination="isCancellation"),
+    )
 
     def meet() -> None:
         bench.drive()
@@ -189,15 +237,42 @@ def test_lost_messages_between_two_stations_are_counted(bench: ExampleBench, tim
             if number % 10:
                 timed.air.send(octets)
         said = next(lines(child, lambda: None))
-    assert said == "sent 20, lost on the way 2, missed by this program 0"
+    assert said == "sent 20, received 18; this program missed 0 CAMs of all stations"
 
 
-def test_lamp_is_on_while_the_signal_group_is_red(bench: ExampleBench) -> None:
+def test_lost_messages_beside_foreign_cams_are_those_of_the_own_car(bench: ExampleBench, timed: TimedBench) -> None:
+    with running("losses.py", 20, bench.address, timed.address) as child:
+        for number in range(20):
+            octets = bench.airs[G5].hear().pdu
+            timed.air.send(pdu("cam", station=7, speed=number))
+            if number % 10:
+                timed.air.send(octets)
+        said = next(lines(child, lambda: None))
+    assert said == "sent 20, received 18; this program missed 0 CAMs of all stations"
+
+
+def test_losses_are_counted_above_the_number_of_speeds_of_a_cam(bench: ExampleBench, timed: TimedBench) -> None:
+    with running("losses.py", 1650, bench.address, timed.address) as child:
+        for _ in range(1650):
+            timed.air.send(bench.airs[G5].hear().pdu)
+        said = next(lines(child, lambda: None))
+    assert said == "sent 1650, received 1650; this program missed 0 CAMs of all stations"
+
+
+def test_lamp_is_on_while_the_signal_group_of_the_intersection_is_red(bench: ExampleBench) -> None:
     states = [
-        pdu("spatem", intersection=12, signal_group=group, event_state=state)
-        for group, state in ((3, "stop-And-Remain"), (4, "stop-And-Remain"), (3, "permissive-Movement-Allowed"))
+        pdu("spatem", intersection=intersection, signal_group=group, event_state=state)
+        for intersection, group, state in (
+            (11, 3, "permissive-Movement-Allowed"),
+            (12, 3, "stop-And-Remain"),
+            (11, 3, "permissive-Movement-Allowed"),
+            (12, 4, "permissive-Movement-Allowed"),
+            (13, 3, "stop-And-Remain"),
+            (12, 3, "permissive-Movement-Allowed"),
+            (11, 3, "stop-And-Remain"),
+        )
     ]
-    with running("lamp.py", 3, bench.address) as child:
+    with running("lamp.py", 12, 3, bench.address) as child:
         said = list(itertools.islice(lines(child, lambda: [bench.airs[G5].send(one) for one in states]), 3))
     assert said == ["lamp on", "lamp off", "lamp on"]
 

@@ -2,32 +2,31 @@
 import math
 import sys
 import time
+from contextlib import suppress
 from datetime import datetime
 from itertools import pairwise
 from xml.etree import ElementTree
 
-from captain_client import Station
-
-PER_SECOND, METRES_PER_DEGREE = 10, 111_320
+from captain_client import Station, StationError
 
 path, *where = sys.argv[1:] or [""]
 try:
-    found = ElementTree.parse(path).findall(".//{*}trkpt[{*}time]")
-    places = [(float(point.attrib["lat"]), float(point.attrib["lon"])) for point in found]
-    times = [datetime.fromisoformat(point.findtext("{*}time", "").replace("Z", "+00:00")) for point in found]
+    points = ElementTree.parse(path).findall(".//{*}trkpt[{*}time]")
+    times = [datetime.fromisoformat(one.findtext("{*}time", "").replace("Z", "+00:00")).timestamp() for one in points]
+    places = [(float(one.attrib["lat"]), float(one.attrib["lon"])) for one in points]
+    track = sorted(dict(zip(times, places, strict=True)).items())
+    if len(track) < 2:
+        sys.exit(f"{path}: fewer than two track points with a time")
+    with suppress(KeyboardInterrupt), Station(*where) as box:
+        start = time.time() - track[0][0]  # the track begins now
+        for (time0, (lat0, lon0)), (time1, (lat1, lon1)) in pairwise(track):
+            north, east = (lat1 - lat0) * 111_320, (lon1 - lon0) * 111_320 * math.cos(math.radians(lat0))  # metres
+            speed, heading = math.hypot(north, east) / (time1 - time0), math.degrees(math.atan2(east, north)) % 360
+            for step in range(steps := round((time1 - time0) * 10)):  # ten a second
+                time.sleep(max(0.0, start + time0 + step / 10 - time.time()))
+                latitude, longitude = lat0 + step / steps * (lat1 - lat0), lon0 + step / steps * (lon1 - lon0)
+                box.send("cam", latitude=latitude, longitude=longitude, speed=speed, heading=heading).confirmed()
 except (OSError, SyntaxError, KeyError, ValueError) as error:
     sys.exit(f"usage: gpx_cams.py FILE [STATION]; {path}: {error}")
-track = sorted({when.timestamp(): place for when, place in zip(times, places, strict=True)}.items())
-if len(track) < 2:
-    sys.exit(f"{path}: fewer than two track points with a time")
-with Station(*where) as box:
-    start = time.time() - track[0][0]  # the track begins now
-    for (time0, (lat0, lon0)), (time1, (lat1, lon1)) in pairwise(track):
-        north = (lat1 - lat0) * METRES_PER_DEGREE
-        east = (lon1 - lon0) * METRES_PER_DEGREE * math.cos(math.radians(lat0))
-        speed, heading = math.hypot(north, east) / (time1 - time0), math.degrees(math.atan2(east, north)) % 360
-        steps = round((time1 - time0) * PER_SECOND)
-        for part in (step / steps for step in range(steps)):
-            time.sleep(max(0.0, start + time0 + part * (time1 - time0) - time.time()))
-            latitude, longitude = lat0 + part * (lat1 - lat0), lon0 + part * (lon1 - lon0)
-            box.send("cam", latitude=latitude, longitude=longitude, speed=speed, heading=heading).confirmed()
+except StationError as error:
+    sys.exit(f"captain: {error}")

@@ -1,7 +1,9 @@
-# lamp.py SIGNAL_GROUP [STATION]
+# lamp.py INTERSECTION SIGNAL_GROUP [STATION]
+import sys
 from argparse import ArgumentParser
+from contextlib import suppress
 
-from captain_client import Station
+from captain_client import Station, StationError
 
 RED = ("stop-And-Remain", "stop-Then-Proceed")
 
@@ -11,16 +13,21 @@ def lamp(on: bool) -> None:
 
 
 parser = ArgumentParser()
+parser.add_argument("intersection", type=int)
 parser.add_argument("signal_group", type=int)
 parser.add_argument("station", nargs="?", default="")
 asked = parser.parse_args()
 was_red = False
-with Station(asked.station) as box:
-    for spatem in box.listen("spatem"):
-        if spatem.error:
-            continue
-        for intersection in spatem.plain["spat"]["intersections"]:
-            for state in intersection["states"]:
-                is_red = state["state-time-speed"][0]["eventState"] in RED
-                if state["signalGroup"] == asked.signal_group and is_red != was_red:
-                    lamp(was_red := is_red)
+try:
+    with suppress(KeyboardInterrupt), Station(asked.station) as box:
+        for spatem in box.listen("spatem"):
+            if spatem.error:
+                continue
+            for one in spatem.plain["spat"]["intersections"]:
+                states = one["states"] if one["id"]["id"] == asked.intersection else []
+                for state in states:
+                    is_red = state["state-time-speed"][0]["eventState"] in RED
+                    if state["signalGroup"] == asked.signal_group and is_red != was_red:
+                        lamp(was_red := is_red)
+except StationError as error:
+    sys.exit(f"captain: {error}")
