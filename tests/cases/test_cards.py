@@ -128,8 +128,8 @@ def test_a_password_of_signs_and_a_name_with_an_apostrophe_are_taken_as_they_are
 def test_guide_flash_with_imager_2_says_to_copy_the_files_by_hand():
     page = (PROJECT / "image/guide/flash.md").read_text()
     flash = " ".join(page[page.index("## Flash") : page.index("## Your files")].split())
-    assert "Imager 2 cannot customise this image" in flash
-    assert "Copy [your files](#your-files) onto the card by hand" in flash
+    assert "Imager 2 writes no customisation for a custom image" in flash
+    assert "copy [your files](#your-files) onto the card by hand" in flash
 
 
 def test_card_text_with_imager_2_says_to_copy_the_files_by_hand():
