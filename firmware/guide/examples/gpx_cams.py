@@ -13,13 +13,10 @@ path, *where = sys.argv[1:] or [""]
 try:
     points = ElementTree.parse(path).findall(".//{*}trkpt[{*}time]")
     times = [datetime.fromisoformat(one.findtext("{*}time", "").replace("Z", "+00:00")).timestamp() for one in points]
-    places = [(float(one.attrib["lat"]), float(one.attrib["lon"])) for one in points]
-    track = sorted(dict(zip(times, places, strict=True)).items())
-    if len(track) < 2:
-        sys.exit(f"{path}: fewer than two track points with a time")
+    track = {t: (float(p.attrib["lat"]), float(p.attrib["lon"])) for t, p in zip(times, points, strict=True)}
+    start = time.time() - min(track) if len(track) > 1 else sys.exit(f"{path}: fewer than two track points with a time")
     with suppress(KeyboardInterrupt), Station(*where) as box:
-        start = time.time() - track[0][0]  # the track begins now
-        for (time0, (lat0, lon0)), (time1, (lat1, lon1)) in pairwise(track):
+        for (time0, (lat0, lon0)), (time1, (lat1, lon1)) in pairwise(sorted(track.items())):
             north, east = (lat1 - lat0) * 111_320, (lon1 - lon0) * 111_320 * math.cos(math.radians(lat0))  # metres
             speed, heading = math.hypot(north, east) / (time1 - time0), math.degrees(math.atan2(east, north)) % 360
             for step in range(steps := round((time1 - time0) * 10)):  # ten a second

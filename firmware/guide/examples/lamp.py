@@ -6,11 +6,7 @@ from contextlib import suppress
 from captain_client import Station, StationError
 
 RED = ("stop-And-Remain", "stop-Then-Proceed")
-
-
-def lamp(on: bool) -> None:
-    print("lamp on" if on else "lamp off", flush=True)  # on a box: request.set_value(LINE, Value(on)) of gpiod
-
+# On a box, in place of print(): request.set_value(LINE, Value(was_red)) of gpiod.
 
 parser = ArgumentParser()
 parser.add_argument("intersection", type=int)
@@ -28,6 +24,6 @@ try:
                 for state in states:
                     is_red = state["state-time-speed"][0]["eventState"] in RED
                     if state["signalGroup"] == asked.signal_group and is_red != was_red:
-                        lamp(was_red := is_red)
+                        print("lamp on" if (was_red := is_red) else "lamp off", flush=True)
 except StationError as error:
     sys.exit(f"captain: {error}")

@@ -7,7 +7,6 @@ from statistics import mean
 from captain_client import Station, StationError
 
 MOST = 1000  # messages that wait for their second reception
-
 parser = ArgumentParser()
 parser.add_argument("count", type=int)
 parser.add_argument("station", nargs="?", default="")
