@@ -25,18 +25,9 @@ PLACES = {
     "etc/systemd/system/serial-getty@.service.d/captain.conf": "usr/share/captain/serial-console.conf",
 }
 
-_CONTROL = """\
-Package: {name}
-Version: {version}
-Architecture: all
-Maintainer: {maintainer}
-Installed-Size: {{size_kib}}
-Depends: captain (>= {version}), passwd, udev
-Recommends: chrony
-Suggests: nftables
-Section: net
-Priority: optional
-Description: drop-ins that make a V2X box of a Debian machine
+_RELATIONS = "Depends: captain (>= {version}), passwd, udev\nRecommends: chrony\nSuggests: nftables"
+_DESCRIPTION = """\
+drop-ins that make a V2X box of a Debian machine
  Groups and names of the modules' devices, pulses as a source of chronyd, buffers of
  sockets, and networks of radio and 5G module that NetworkManager leaves alone.
  .
@@ -56,8 +47,8 @@ def make(version: str, epoch: int, target: Path) -> None:
         root = Path(name) / "package"
         for path, text in files().items():
             deb.write(root / path, text.encode())
-        control = _CONTROL.format(name=NAME, version=version, maintainer=deb.MAINTAINER)
-        deb.build(root, control, SCRIPTS, epoch, target)
+        about = deb.About(NAME, version, "all", _RELATIONS.format(version=version), _DESCRIPTION)
+        deb.build(root, about, SCRIPTS, epoch, target)
 
 
 def files() -> dict[str, str]:

@@ -7,6 +7,7 @@ import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 from image import own_files
 from image.errors import ImageError
@@ -27,21 +28,37 @@ PLACES = {
 SCRIPTS = ("preinst", "postinst", "prerm", "postrm")
 
 _CONTROL = """\
-Package: captain
-Version: {version}
-Architecture: {architecture}
+Package: {about.name}
+Version: {about.version}
+Architecture: {about.architecture}
 Maintainer: {maintainer}
-Installed-Size: {{size_kib}}
-Depends: libc6 (>= {c_library}), passwd, procps
-Recommends: chrony
+Installed-Size: {size_kib}
+{about.relations}
 Section: net
 Priority: optional
-Description: station software of a V2X box: every radio behind one ZeroMQ endpoint
+Description: {about.description}"""
+
+_DESCRIPTION = """\
+station software of a V2X box: every radio behind one ZeroMQ endpoint
  The station takes every radio of a box (ITS-G5, 5G, Ethernet, UDP, a serial line)
  and puts all of them behind one ZeroMQ endpoint, that of a vehicleCAPTAIN box.
  .
  This package carries its own interpreter and libraries, except the C library.
 """
+
+
+class About(NamedTuple):
+    """Control fields that differ between packages.
+
+    relations    lines of the fields Depends, Recommends and Suggests.
+    description  synopsis, then the lines of the long description.
+    """
+
+    name: str
+    version: str
+    architecture: str
+    relations: str
+    description: str
 
 
 def make(
@@ -59,24 +76,23 @@ def make(
     with tempfile.TemporaryDirectory() as name:
         root = Path(name) / "package"
         _lay_out(program, documents, root)
-        control = _CONTROL.format(
-            version=version, architecture=architecture, maintainer=MAINTAINER, c_library=c_library(root / PLACE)
-        )
-        build(root, control, FILES, epoch, target)
+        relations = f"Depends: libc6 (>= {c_library(root / PLACE)}), passwd, procps\nRecommends: chrony"
+        build(root, About("captain", version, architecture, relations, _DESCRIPTION), FILES, epoch, target)
 
 
-def build(root: Path, control: str, scripts: Path, epoch: int, target: Path) -> None:
+def build(root: Path, about: About, scripts: Path, epoch: int, target: Path) -> None:
     """Build a Debian package of a folder; equal files give equal octets.
 
     root     the package's files; those in etc belong to the machine's owner. DEBIAN is added to it.
-    control  text of the control file; {size_kib} is replaced by the size of the files.
+    about    control fields of the package.
     scripts  folder of those of SCRIPTS that the package has.
     epoch    date of all files, Unix seconds.
 
     Raises ImageError if a tool fails.
     """
     sizes = [path.stat().st_size for path in root.rglob("*") if path.is_file() and not path.is_symlink()]
-    _describe(root, control.format(size_kib=sum(sizes) // 1024), scripts)
+    control = _CONTROL.format(about=about, maintainer=MAINTAINER, size_kib=sum(sizes) // 1024)
+    _describe(root, control, scripts)
     for path in [root, *root.rglob("*")]:
         if not path.is_symlink():
             path.chmod(0o755 if path.is_dir() or path.stat().st_mode & 0o100 else 0o644)
