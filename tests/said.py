@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 
 def tells(text: str, *parts: str) -> bool:
-    """Whether a text has these parts, in this order and without overlap."""
+    """Return True if a text has these parts, in this order and without overlap."""
     at = 0
     for part in parts:
         found = text.find(part, at)

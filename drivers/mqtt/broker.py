@@ -1,6 +1,6 @@
 """Address of a broker, parsed from its URL."""
 
-from ipaddress import ip_address
+from ipaddress import IPv4Address, IPv6Address, ip_address
 from typing import NamedTuple
 from urllib.parse import SplitResult, urlsplit
 
@@ -27,12 +27,13 @@ class Broker(NamedTuple):
 
         Other names are not resolved: DNS may be unavailable when the station starts.
         """
-        host = "localhost" if self.is_loopback or self.host in LOCAL_NAMES else _compressed(self.host.rstrip("."))
-        return f"{host}:{self.port}"
+        if self.is_loopback or self.host in LOCAL_NAMES:
+            return f"localhost:{self.port}"
+        return f"{_address(self.host) or self.host.rstrip('.')}:{self.port}"
 
     @property
     def is_loopback(self) -> bool:
-        """Whether the broker is certainly on this machine: by its IP address, or the name localhost."""
+        """True if the broker is certainly on this machine: by its IP address, or the name localhost."""
         return is_loopback(self.host) or self.host == "localhost"
 
 
@@ -41,19 +42,17 @@ def is_loopback(host: str) -> bool:
 
     These are loopback addresses, also in IPv6 form (::ffff:127.0.0.1), and the unspecified 0.0.0.0 and ::.
     """
+    address = _address(host)
+    return address is not None and (address.is_loopback or address.is_unspecified)
+
+
+def _address(host: str) -> IPv4Address | IPv6Address | None:
+    """Return an IP address, that of IPv4 if IPv6 maps it (::ffff:10.0.0.1); None for a name."""
     try:
         address = ip_address(host)
     except ValueError:
-        return False
-    address = getattr(address, "ipv4_mapped", None) or address
-    return address.is_loopback or address.is_unspecified
-
-
-def _compressed(host: str) -> str:
-    try:
-        return ip_address(host).compressed
-    except ValueError:
-        return host
+        return None
+    return getattr(address, "ipv4_mapped", None) or address
 
 
 def broker(url: str) -> Broker:

@@ -113,7 +113,7 @@ def _in_debian(debian: Debian, packages: list[Path], folder: Path) -> Iterator[R
 
 
 def _of_others(debian: Debian, install: str, purge: str) -> Iterator[Row]:
-    """What the owner has made: a group captain, a member of a group of captain-box, a login called captain."""
+    """Purge and install beside what the owner has made: a group captain, a member of a group of captain-box, a login called captain."""
     debian.run("sh", "-c", "groupadd --system captain && useradd --no-user-group member")
     ended = debian.run("sh", "-c", f"{install} && usermod --append --groups gpio member && {purge}")
     kept = debian.run("getent", "group", "captain", "gpio").stdout.split()

@@ -45,7 +45,7 @@ def start(host):
 
 
 def is_down(host, *parts) -> bool:
-    """Whether the last report of the link is that it is down, with a reason that names these parts."""
+    """Return True if the last report of the link is that it is down, with a reason that names these parts."""
     is_up, why = host.links[-1]
     return not is_up and tells(why, *parts)
 

@@ -181,7 +181,7 @@ class Listener:
         return Seen(self._total(), self._rows(), cpu_s)
 
     def _total(self) -> int:
-        """Of the last title: `12:00:00  127.0.0.1:5558  4711 messages in 3 s`."""
+        """Number in the last title: `12:00:00  127.0.0.1:5558  4711 messages in 3 s`."""
         with self._path.open("rb") as stream:
             stream.seek(max(0, self._path.stat().st_size - (1 << 17)))
             titles = [line for line in stream.read().splitlines() if b" messages in " in line]

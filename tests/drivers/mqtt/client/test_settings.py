@@ -46,6 +46,10 @@ def test_names_and_addresses_of_this_machine_have_one_place(host):
     assert broker(f"mqtt://{host}:1884").place != broker("mqtt://localhost").place
 
 
+def test_place_of_an_ipv4_mapped_address_is_that_of_ipv4():
+    assert broker("mqtt://[::ffff:10.0.0.1]").place == broker("mqtt://10.0.0.1").place
+
+
 @pytest.mark.parametrize(
     "url", ["", "http://a", "mqtts://", "mqtts://:1", "mqtts://a:0", "mqtts://a:65536", "mqtts://a/b", "mqtts://a b",
             "mqtts://a?b", "mqtts://a\n"],
