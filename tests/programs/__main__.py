@@ -8,16 +8,14 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from image.errors import ImageError
 from image.program.programs import PROCESSORS, SUMS
 from image.project import version
-from tests.programs import forms
-from tests.programs.debian import PROJECT, Debian
-from tests.proof.image.rows import Row, keep
+from tests.programs import forms, parts
+from tests.programs.debian import APT, PROJECT, SUITES, Debian
+from tests.proof.image.rows import Row
 
 MADE = PROJECT / "build/programs"
 RESULTS = PROJECT / "build/programs-test/results.json"
-SUITES = {"bookworm": "Debian 12", "trixie": "Debian 13"}
 SHORT = ("bookworm",)  # the oldest, which has the least of what a program may ask for
 DECLARED = ["passwd", "procps"]  # beside the C library, which every root has
 # A CAM of a public example (asn1tools), and what another decoder reads in it.
@@ -37,19 +35,7 @@ def main() -> int:
     if not (MADE / SUMS).exists():
         print(f"programs-test: {MADE / SUMS}: is missing; make programs builds what is tested", file=sys.stderr)
         return 2
-    missed = total = 0
-    for part, rows in _parts(arguments):
-        print(f"{part}:", flush=True)
-        began, found = time.monotonic(), []
-        for row in _ended(part, rows):
-            print(row, flush=True)
-            found.append(row)
-        took = time.monotonic() - began
-        print(f"        {took:.0f} s", flush=True)
-        keep(RESULTS, part, version(), found, took)
-        total, missed = total + len(found), missed + sum(not row.is_ok for row in found)
-    print(f"{total - missed} of {total} meet their goal; rows: {RESULTS}")
-    return 1 if missed or not total else 0
+    return parts.show(_parts(arguments), RESULTS)
 
 
 def _parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Iterator[Row]]]:
@@ -84,10 +70,7 @@ def _in_debian(suite: str, architecture: str, package: Path, program: Path) -> I
 def _installed(debian: Debian, package: str) -> Iterator[Row]:
     names = "dpkg-query --show --showformat '${Package}\\n'"
     before = set(debian.run("sh", "-c", names).stdout.split())
-    # The package alone is looked at: chrony, which it recommends, is not in the archive of declared ones.
-    apt = "apt-get -qq -o APT::Sandbox::User=root"
-    install = f"{apt} update && {apt} -y --no-install-recommends install {package}"
-    ended = debian.run("sh", "-c", install)
+    ended = debian.run("sh", "-c", f"{APT} update && {APT} install {package}")
     new = sorted(set(debian.run("sh", "-c", names).stdout.split()) - before)
     yield _row("package: apt installs it", ended, ", ".join(new), "captain, with declared packages alone")
     yield _row("package: dpkg --verify", debian.run("dpkg", "--verify", "captain"), "", "no difference", "")
@@ -128,14 +111,6 @@ def _row(
     if not is_ok:
         print(*text.splitlines()[-SHOWN_LINES:], sep="\n", flush=True)
     return Row(what, seen or text or "nothing said", goal, is_ok)
-
-
-def _ended(part: str, rows: Iterator[Row]) -> Iterator[Row]:
-    """The rows; what never came is one, too."""
-    try:
-        yield from rows
-    except (ImageError, OSError, subprocess.SubprocessError) as error:
-        yield Row(f"{part} comes to its end", str(error), "its end", False)
 
 
 def _arguments() -> argparse.Namespace:

@@ -12,6 +12,8 @@ from image.tool import run
 PROJECT = Path(__file__).resolve().parents[2]
 # Their own copy of apt's lists and packages, kept for the next run.
 ARCHIVES = PROJECT / "build/programs-test/archives"
+SUITES = {"bookworm": "Debian 12", "trixie": "Debian 13"}
+APT = "apt-get -qq -y -o APT::Sandbox::User=root --no-install-recommends"  # what is recommended is not declared
 MOST_S = 900  # of one program in an emulated root: apt took 60 s beside other work
 
 # A network with nothing but loopback: ports of this machine's stations are not there. All of it ends with the program.

@@ -16,13 +16,12 @@ from image.packages import native_architecture
 from image.program import box, deb
 from image.project import version
 from image.tool import run
-from tests.programs import forms
-from tests.programs.debian import PROJECT, Debian
-from tests.proof.image.rows import Row, keep
+from tests.programs import forms, parts
+from tests.programs.debian import APT, PROJECT, SUITES, Debian
+from tests.proof.image.rows import Row
 
 MADE = PROJECT / "build/deb"
 RESULTS = PROJECT / "build/deb-test/results.json"
-SUITES = {"bookworm": "Debian 12", "trixie": "Debian 13"}
 DECLARED = ["passwd", "procps", "udev", "systemd", "chrony"]
 # By the control socket, which the group may use; the report port is open to all users.
 STATUS = ("captain", "status", "--control", "/run/captain/captain-5555.sock")
@@ -55,17 +54,10 @@ def main() -> int:
         if not path.exists():
             print(f"deb-test: {path}: is missing; make deb builds it", file=sys.stderr)
             return 2
-    missed = 0
-    for suite in arguments.suites:
-        part, began, found = f"{arguments.arch}, {SUITES[suite]}", time.monotonic(), []
-        print(f"{part}:", flush=True)
-        for row in _ended(part, suite, arguments.arch, packages):
-            print(row, flush=True)
-            found.append(row)
-        keep(RESULTS, part, version(), found, time.monotonic() - began)
-        missed += sum(not row.is_ok for row in found)
-    print(f"{missed} rows miss their goal; rows: {RESULTS}")
-    return 1 if missed else 0
+    each = (
+        (f"{arguments.arch}, {SUITES[suite]}", _rows(suite, arguments.arch, packages)) for suite in arguments.suites
+    )
+    return parts.show(each, RESULTS)
 
 
 def names(architecture: str) -> tuple[str, str]:
@@ -73,22 +65,18 @@ def names(architecture: str) -> tuple[str, str]:
     return f"captain_{version()}_{architecture}.deb", f"{box.NAME}_{version()}_all.deb"
 
 
-def _ended(part: str, suite: str, architecture: str, packages: list[Path]) -> Iterator[Row]:
-    try:
-        with tempfile.TemporaryDirectory(prefix="captain-") as name:
-            folder = Path(name)
-            yield forms.floor_row("C library", forms.unpack_package(packages[0], folder / "unpacked"))
-            yield from _in_debian(Debian(suite, architecture, DECLARED, folder), packages, folder)
-    except (ImageError, OSError, subprocess.SubprocessError) as error:
-        yield Row(f"{part} comes to its end", str(error), "its end", False)
+def _rows(suite: str, architecture: str, packages: list[Path]) -> Iterator[Row]:
+    with tempfile.TemporaryDirectory(prefix="captain-") as name:
+        folder = Path(name)
+        yield forms.floor_row("C library", forms.unpack_package(packages[0], folder / "unpacked"))
+        yield from _in_debian(Debian(suite, architecture, DECLARED, folder), packages, folder)
 
 
 def _in_debian(debian: Debian, packages: list[Path], folder: Path) -> Iterator[Row]:
-    apt = "apt-get -qq -y --no-install-recommends -o APT::Sandbox::User=root"
-    yield _row("Debian's own packages", debian.run("sh", "-c", f"{apt} update && {apt} install {' '.join(DECLARED)}"))
+    yield _row("Debian's own packages", debian.run("sh", "-c", f"{APT} update && {APT} install {' '.join(DECLARED)}"))
     before = debian.run("sh", "-c", STATE).stdout
     inside = " ".join(debian.copy(package) for package in packages)
-    yield _row("apt installs both, offline", debian.run("sh", "-c", f"{apt} install {inside}"))
+    yield _row("apt installs both, offline", debian.run("sh", "-c", f"{APT} install {inside}"))
     yield _quiet("dpkg --verify", debian.run("dpkg", "--verify", "captain", box.NAME))
     unit = "/usr/lib/systemd/system/captain.service"
     yield _quiet("systemd-analyze verify", debian.run("systemd-analyze", "verify", unit))
@@ -104,12 +92,12 @@ def _in_debian(debian: Debian, packages: list[Path], folder: Path) -> Iterator[R
     own = debian.root / "etc/captain/captain.toml"
     own.write_text(f"{own.read_text()}# mine\n")
     newer = debian.copy(_later(packages[0], folder))
-    yield _row("upgrade", debian.run("sh", "-c", f"{apt} install {newer}"))
+    yield _row("upgrade", debian.run("sh", "-c", f"{APT} install {newer}"))
     yield Row("upgrade keeps the owner's file", own.read_text().splitlines()[-1], "# mine", "# mine" in own.read_text())
-    yield _row("purge", debian.run("sh", "-c", f"{apt} purge captain {box.NAME}"))
+    yield _row("purge", debian.run("sh", "-c", f"{APT} purge captain {box.NAME}"))
     left = difference(before, debian.run("sh", "-c", STATE).stdout)
     yield Row("purge leaves", ", ".join(left[:3]) or "nothing", "nothing", not left)
-    yield from _of_others(debian, f"{apt} install {inside}", f"{apt} purge captain {box.NAME}")
+    yield from _of_others(debian, f"{APT} install {inside}", f"{APT} purge captain {box.NAME}")
 
 
 def _of_others(debian: Debian, install: str, purge: str) -> Iterator[Row]:
@@ -140,7 +128,7 @@ def _running(debian: Debian) -> Iterator[Row]:
     station = debian.start(*_as("captain"), "sh", "-c", f"export RUNTIME_DIRECTORY=/run/captain; exec {command()}")
     beside = ["nsenter", f"--target={station.pid}", "--net"]
     try:
-        time.sleep(1.0)  # until unshare has made the network
+        _wait_for_network(station)
         heard = _run([*beside, str(PROJECT / ".venv/bin/python"), "-c", _HEARD, str(int(MOST_S * 1000))])
         yield _row("heartbeat, from outside", heard, is_ok=heard.stdout.startswith("hb."))
         entered = [*beside, "--mount", "--root", "env", "PATH=/usr/bin:/bin"]
@@ -156,6 +144,15 @@ def _running(debian: Debian) -> Iterator[Row]:
             said = station.communicate(timeout=30)[0]
             print(*said.strip().splitlines()[-5:], sep="\n", flush=True)
     debian.run("sh", "-c", "userdel member; userdel stranger; rm -rf /run/captain")
+
+
+def _wait_for_network(station: "subprocess.Popen[str]") -> None:
+    """Wait until unshare has made a network for a process. Raises ImageError after 10 s."""
+    own, ends = Path("/proc/self/ns/net").readlink(), time.monotonic() + 10
+    while Path(f"/proc/{station.pid}/ns/net").readlink() == own:
+        if time.monotonic() > ends:
+            raise ImageError("unshare has made no network within 10 s")
+        time.sleep(0.01)
 
 
 def command() -> str:

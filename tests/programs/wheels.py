@@ -5,15 +5,13 @@ import re
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from image.errors import ImageError
 from image.packages import native_architecture
-from image.project import version
-from tests.programs.debian import PROJECT, Debian
-from tests.proof.image.rows import Row, keep
+from tests.programs import parts
+from tests.programs.debian import APT, PROJECT, Debian
+from tests.proof.image.rows import Row
 
 MADE = PROJECT / "build/wheels"
 RESULTS = PROJECT / "build/wheels-test/results.json"
@@ -43,31 +41,17 @@ def main() -> int:
     if len(wheels) != 2:
         print(f"wheels-test: {MADE}: {len(wheels)} wheels; make wheels builds both", file=sys.stderr)
         return 2
-    missed = 0
-    for suite in suites:
-        part, began, found = f"Python {PYTHONS[suite]}", time.monotonic(), []
-        print(f"{part}:", flush=True)
-        for row in _ended(part, suite, wheels):
-            print(row, flush=True)
-            found.append(row)
-        keep(RESULTS, part, version(), found, time.monotonic() - began)
-        missed += sum(not row.is_ok for row in found)
-    print(f"{missed} rows miss their goal; rows: {RESULTS}")
-    return 1 if missed else 0
+    return parts.show(((f"Python {PYTHONS[suite]}", _rows(suite, wheels)) for suite in suites), RESULTS)
 
 
-def _ended(part: str, suite: str, wheels: list[Path]) -> Iterator[Row]:
-    try:
-        with tempfile.TemporaryDirectory(prefix="captain-") as name:
-            yield from _in_debian(suite, wheels, Path(name))
-    except (ImageError, OSError, subprocess.SubprocessError) as error:
-        yield Row(f"{part} comes to its end", str(error), "its end", False)
+def _rows(suite: str, wheels: list[Path]) -> Iterator[Row]:
+    with tempfile.TemporaryDirectory(prefix="captain-") as name:
+        yield from _in_debian(suite, wheels, Path(name))
 
 
 def _in_debian(suite: str, wheels: list[Path], folder: Path) -> Iterator[Row]:
     debian = Debian(suite, native_architecture(), DECLARED, folder)
-    apt = "apt-get -qq -y --no-install-recommends -o APT::Sandbox::User=root"
-    ended = debian.run("sh", "-c", f"{apt} update && {apt} install {' '.join(DECLARED)}")
+    ended = debian.run("sh", "-c", f"{APT} update && {APT} install {' '.join(DECLARED)}")
     yield _installed("Debian's own packages", ended)
     said = debian.run("python3", "--version").stdout.strip()
     yield Row("interpreter", said, f"Python {PYTHONS[suite]}", said.startswith(f"Python {PYTHONS[suite]}."))
