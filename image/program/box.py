@@ -26,10 +26,10 @@ PLACES = {
 }
 
 _RELATIONS = "Depends: captain (>= {version}), passwd, udev\nRecommends: chrony\nSuggests: nftables"
+_SYNOPSIS = "drop-ins that make a V2X box of a Debian machine"
 _DESCRIPTION = """\
-drop-ins that make a V2X box of a Debian machine
- Groups and names of the modules' devices, pulses as a source of chronyd, buffers of
- sockets, and networks of radio and 5G module that NetworkManager leaves alone.
+ Groups and names of the modules' devices, pulses as a source of chronyd, and buffers
+ of sockets. NetworkManager leaves the networks of radio and 5G module alone.
  .
  It replaces no file of another package. Cable, Wi-Fi, firewall and logins remain
  those of the machine's owner; /usr/share/captain has a firewall and a console.
@@ -47,7 +47,7 @@ def make(version: str, epoch: int, target: Path) -> None:
         root = Path(name) / "package"
         for path, text in files().items():
             deb.write(root / path, text.encode())
-        about = deb.About(NAME, version, "all", _RELATIONS.format(version=version), _DESCRIPTION)
+        about = deb.About(NAME, version, "all", _RELATIONS.format(version=version), _SYNOPSIS, _DESCRIPTION)
         deb.build(root, about, SCRIPTS, epoch, target)
 
 

@@ -36,12 +36,13 @@ Installed-Size: {size_kib}
 {about.relations}
 Section: net
 Priority: optional
-Description: {about.description}"""
+Description: {about.synopsis}
+{about.description}"""
 
+_SYNOPSIS = "station software of a V2X box: every radio behind one ZeroMQ endpoint"
 _DESCRIPTION = """\
-station software of a V2X box: every radio behind one ZeroMQ endpoint
- The station takes every radio of a box (ITS-G5, 5G, Ethernet, UDP, a serial line)
- and puts all of them behind one ZeroMQ endpoint, that of a vehicleCAPTAIN box.
+ The station takes every radio of a box: ITS-G5, 5G, Ethernet, UDP, a serial line.
+ It puts all of them behind one ZeroMQ endpoint, that of a vehicleCAPTAIN box.
  .
  This package carries its own interpreter and libraries, except the C library.
 """
@@ -51,13 +52,15 @@ class About(NamedTuple):
     """Control fields that differ between packages.
 
     relations    lines of the fields Depends, Recommends and Suggests.
-    description  synopsis, then the lines of the long description.
+    synopsis     first line of the field Description.
+    description  further lines of that field.
     """
 
     name: str
     version: str
     architecture: str
     relations: str
+    synopsis: str
     description: str
 
 
@@ -77,7 +80,7 @@ def make(
         root = Path(name) / "package"
         _lay_out(program, documents, root)
         relations = f"Depends: libc6 (>= {c_library(root / PLACE)}), passwd, procps\nRecommends: chrony"
-        build(root, About("captain", version, architecture, relations, _DESCRIPTION), FILES, epoch, target)
+        build(root, About("captain", version, architecture, relations, _SYNOPSIS, _DESCRIPTION), FILES, epoch, target)
 
 
 def build(root: Path, about: About, scripts: Path, epoch: int, target: Path) -> None:
