@@ -67,8 +67,9 @@ def main() -> int:
         keep(RESULTS, part, arguments.card.name, found, took)
         rows += found
         print(f"        {took:.0f} s", flush=True)
-    missed = sum(not row.is_ok for row in rows)
-    print(f"{len(rows) - missed} of {len(rows)} meet their goal; rows: {RESULTS}, consoles: {LOGS}")
+    missed = [row for row in rows if not row.is_ok]
+    print(f"{len(rows) - len(missed)} of {len(rows)} meet their goal; rows: {RESULTS}, consoles: {LOGS}")
+    print(*missed, sep="\n", end="\n" if missed else "")  # once more, as a log may be cut to its end
     return 1 if missed or not rows else 0
 
 

@@ -39,6 +39,9 @@ BOARD = HERE / "emulated.toml"
 PLACES = {"gnss": "1-1.1.1", "cellular": "1-1.1.4"}
 POWER_LINE = 4
 TOLD = ("settling", "locked", "holdover")  # of the time, by pulses
+SELFTEST = ("captain", "selftest", "--json")
+TRIES = 3
+PAUSE = 5  # statuses, one a second, before the next try
 UP_S = 600.0  # emulated, on a busy machine
 # A station starts in 2 s on a Pi, and took 45 to 90 s here beside other units. systemd kills it after 90 s, and again.
 PATIENT = r"printf '[Service]\nTimeoutStartSec=300\n' | systemctl edit --runtime --stdin captain.service"
@@ -199,16 +202,24 @@ class Box:
         return states == ["up"] * len(PLACES) and status["clock"]["state"] in TOLD
 
     def _selftest(self) -> Iterator[Row]:
-        """As operator, whom no group lets switch anything that the station does not."""
-        status, said = self._ran("captain", "selftest", "--json")
+        """As operator, whom no group lets switch anything that the station does not.
+
+        Asked again where something does not work: a busy machine may strike a pulse seconds late, and answer the
+        emulated modem late.
+        """
+        count, (status, said) = 1, self._ran(*SELFTEST)
+        while status != 0 and count < TRIES:
+            self._statuses.clear()
+            self._until(lambda: len(self._statuses) >= PAUSE and self._is_up(), "everything of the board file again")
+            count, (status, said) = count + 1, self._ran(*SELFTEST)
         found = json.loads(said) if said.startswith("[") else []
         for one in found:
             if one["works"] is not None:
                 yield Row(f"selftest: {one['capability']}", one["value"], "works", one["works"] is True)
         judged = [one for one in found if one["works"] is not None]
         works = sum(one["works"] is True for one in judged)
-        seen = f"{works} of {len(judged)} work, exit code {status}" if judged else said[-60:]
-        yield Row("captain selftest", seen, "all, exit code 0", status == 0 and bool(judged))
+        seen = f"{works} of {len(judged)} work, exit code {status}, asked {count} x" if judged else said[-60:]
+        yield Row("captain selftest", seen, f"all, exit code 0, {TRIES} x at most", status == 0 and bool(judged))
 
     def _names(self) -> Iterator[Row]:
         """What the rules for devices have made of them."""
