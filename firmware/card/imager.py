@@ -1,6 +1,6 @@
 """Settings from Raspberry Pi Imager: user-data, network-config, and cmdline.txt's country.
 
-Source: rpi-imager 2.0, src/customization_generator.cpp; cloud-init's cloud-config; netplan, version 2. Commands,
+Source: rpi-imager 2, src/customization_generator.cpp; cloud-init's cloud-config; netplan, version 2. Commands,
 packages and passwords are reported and ignored.
 """
 
@@ -16,6 +16,7 @@ REGION = re.compile(r"\bcfg80211\.ieee80211_regdom=(\S+)")
 # Keys that are ignored: they describe the file, or request what the box does by default.
 GRANTED = {
     "manage_etc_hosts",
+    "manage_resolv_conf",
     "enable_ssh",
     "lock_passwd",
     "optional",

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from board.runtime import boot_counters
-from image import checksum
+from image import checksum, manifest
 from image.card import bundle, keys
 from image.description import Description
 from image.filesystem import disk
@@ -33,6 +33,7 @@ class CardBuild(NamedTuple):
     packages: Path
     licences: Path
     checksums: Path
+    manifest: Path  # for Raspberry Pi Imager
     took: dict[str, float]
 
 
@@ -186,10 +187,12 @@ class Build:
             write_list(card.packages, [*userland, *lists["unpacked"]])
             licences.pack(parts / "root.tar", card.licences)
             kept = (card.image, card.bundle, card.packages, card.licences)
-            card.checksums.write_text(checksum.sums(kept))
+            sums = checksum.sums(kept)
+            card.checksums.write_text(sums)
+            card.manifest.write_text(manifest.text(card.image, sums.split()[0], card.image, version(), epoch()))
 
         update = self._bundle(parts, card.bundle)
-        is_there = all(path.exists() for path in card[:6] if isinstance(path, Path))
+        is_there = all(path.exists() for path in card[:7] if isinstance(path, Path))
         self.steps.made("card", [key(parts), key(update)], make, forced=not is_there)
         return card
 
@@ -224,5 +227,6 @@ def planned(description: Description, folder: Path) -> CardBuild:
         beside / f"{name}.packages.json",
         beside / f"{name}.licences.tar.xz",
         beside / f"{name}.sha256",
+        beside / f"{name}{manifest.SUFFIX}",
         {},
     )

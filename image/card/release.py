@@ -1,11 +1,13 @@
-"""Files of a release: programs, Debian packages, compressed card, and checksums."""
+"""Files of a release: programs, Debian packages, compressed card with its manifest, and checksums."""
 
 import shutil
 from pathlib import Path
 
+from image import checksum, manifest
 from image.card import build
 from image.program import programs
 from image.program.programs import Artefact
+from image.project import epoch, version
 from image.step import key
 from image.tool import run
 
@@ -14,7 +16,10 @@ def make(made: build.Build, card: build.CardBuild, to: Path) -> list[Artefact]:
     """Make all files of a release in a folder of their own. Raises ImageError if a step fails."""
     found = programs.make(made.description, made.steps.folder, to)
     parts = (_packed(made, card), card.bundle, card.packages, card.licences)
-    artefacts = sorted([*found, *(Artefact(Path(shutil.copy(path, to))) for path in parts)])
+    copies = [Path(shutil.copy(path, to)) for path in parts]
+    listed = to / card.manifest.name
+    listed.write_text(manifest.text(card.image, checksum.sha256(card.image), copies[0], version(), epoch()))
+    artefacts = sorted([*found, *map(Artefact, (*copies, listed))])
     programs.write_sums(artefacts, to)
     return artefacts
 

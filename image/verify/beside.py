@@ -1,10 +1,11 @@
-"""Verifies the files beside a card: checksums, package list, licences."""
+"""Verifies the files beside a card: checksums, manifest, package list, licences."""
 
 import lzma
 import tarfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from image import manifest
 from image.card import flash
 from image.card.build import CardBuild
 from image.errors import ImageError
@@ -21,6 +22,7 @@ def checksums(card: CardBuild) -> Iterator[tuple[str, str]]:
     beside = {"card": card.image, "update": card.bundle, "list of packages": card.packages, "licences": card.licences}
     for what, path in beside.items():
         yield f"the checksum of the {what}", _changed(path, card.checksums)
+    yield "the manifest of Raspberry Pi Imager", manifest.trouble(card.manifest, card.image)
 
 
 def agreeing(card: CardBuild, built: Path, there: set[str]) -> Iterator[tuple[str, str]]:

@@ -9,7 +9,7 @@ from hypothesis import strategies as some
 from firmware.card.imager import Imager
 from firmware.card.note import Note
 from tests.firmware.card.conftest import KEY, Files, Look, mistakes, noted, refused, remarks
-from tests.firmware.card.imager_card import CMDLINE, NETWORK, PSK, USER_DATA
+from tests.firmware.card.imager_card import CMDLINE, NETWORK, NETWORK_WITH_CABLE, PSK, USER_DATA
 
 BOX = 'host_name = "captain-{}"\n[wifi]\ncountry = "DE"\nssid = {}\npassword = "{}"\n'
 NORTH = "'Café \"Nord\"'"
@@ -47,14 +47,22 @@ def test_key_of_imager_that_is_not_taken_is_told_with_its_line(look: Look):
     # the wording of each kind of them
     refused = "is refused: the box has no passwords; give an ssh key"
     assert remarks(look({"user-data": USER_DATA, "network-config": NETWORK})) == [
-        "user-data:4: packages is ignored: the box runs and installs nothing",
-        "user-data:6: apt is ignored: the box runs and installs nothing",
-        f"user-data:21: passwd {refused}",
-        'user-data:17: user "pi" is not created; its ssh keys log in as operator; log in as operator',
-        f"user-data:25: ssh_pwauth {refused}",
-        "user-data:26: runcmd is ignored: the box runs and installs nothing",
-        "user-data: keys ignored: keyboard (line 12)",
+        "user-data:5: packages is ignored: the box runs and installs nothing",
+        "user-data:7: apt is ignored: the box runs and installs nothing",
+        f"user-data:22: passwd {refused}",
+        'user-data:18: user "pi" is not created; its ssh keys log in as operator; log in as operator',
+        f"user-data:27: ssh_pwauth {refused}",
+        "user-data:28: rpi is ignored: the box runs and installs nothing",
+        "user-data:31: runcmd is ignored: the box runs and installs nothing",
+        "user-data: keys ignored: keyboard (line 14)",
     ]
+
+
+def test_network_config_with_the_cable_by_dhcp_is_taken_without_a_remark(look: Look):
+    found = look({"network-config": NETWORK_WITH_CABLE, "authorized_keys": KEY})
+    assert (mistakes(found), remarks(found), found.options.eth0) == ([], [], None)
+    assert found.options.wifi is not None
+    assert found.options.wifi.ssid == 'Café "Nord"'
 
 
 def test_address_of_netplan_is_taken_with_the_first_way_out(look: Look):
@@ -132,7 +140,7 @@ MISTAKES: list[tuple[Files, list[str], list[str]]] = [
     ({"network-config": NETWORK.replace("hidden: true", "hidden: [yes]")}, ["network-config:9"], ["hidden"]),
     ({"network-config": NETWORK.replace(f'password: "{PSK}"', "auth: {key-management: eap}")}, ["network-config:10 key-management"], ['"eap"', "psk"]),
     ({"network-config": NETWORK, "user-data": USER_DATA, "box.toml": BOX.format(8, '"depot"', "12345678")}, ["box.toml:1", "box.toml:4"],
-     ['host_name is "captain-8"', '"captain-7" in user-data:2', 'wifi.ssid is "depot"', "network-config:8"]),
+     ['host_name is "captain-8"', '"captain-7" in user-data:3', 'wifi.ssid is "depot"', "network-config:8"]),
     # two passwords, of which neither is shown
     ({"network-config": NETWORK.replace(PSK, "hunter2hunter2"), "box.toml": BOX.format(7, NORTH, "aaaaaaaaaa")}, ["box.toml:5"], ["network-config:10"]),
 ]  # fmt: skip

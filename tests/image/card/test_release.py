@@ -1,6 +1,7 @@
 """Reports of release files and of a build, beside goals."""
 
 import io
+import json
 import tarfile
 from pathlib import Path
 from types import SimpleNamespace
@@ -8,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from image import __main__, description
-from image.card import figures, release
+from image.card import build, figures, release
 from image.card.build import CardBuild
 from image.card.figures import Figure
 from image.project import PROJECT
@@ -37,7 +38,7 @@ def test_sizes_are_those_of_what_lies_in_a_builds_folder(tmp_path: Path):
         with (tmp_path / name).open("wb") as file:
             file.truncate(size)
     (tmp_path / "packages").write_text('[{"name": "a"}, {"name": "b"}]')
-    paths = [tmp_path / name for name in ("x.img", "slot", "early/initrd", "packages", "licences", "sums")]
+    paths = [tmp_path / name for name in ("x.img", "slot", "early/initrd", "packages", "licences", "sums", "manifest")]
     rows = figures.sizes(description.read(PROJECT / "image/image.toml"), tmp_path, CardBuild(*paths, {}))
     found = {row.what: (round(row.value, 3), row.is_ok) for row in rows}
     assert found == {
@@ -77,3 +78,22 @@ def test_release_is_made_of_a_verified_card_and_warns_of_a_development_key(
     assert __main__._release(SimpleNamespace(to=tmp_path), None) == status  # type: ignore[arg-type]
     assert bool(handed_out) is is_sound
     assert tells(capsys.readouterr().err, "any update", "this machine") == (kind == "development" and is_sound)
+
+
+def test_release_has_a_manifest_of_the_compressed_card_in_its_checksums(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    card = build.planned(description.read(PROJECT / "image/image.toml"), tmp_path / "image")
+    packed = tmp_path / f"{card.image.name}.xz"
+    for path, octets in ((card.image, b"card"), (card.bundle, b"b"), (card.packages, b"p"), (card.licences, b"l")):
+        path.write_bytes(octets)
+    packed.write_bytes(b"xz")
+    monkeypatch.setattr(release, "_packed", lambda *_: packed)
+    monkeypatch.setattr(release.programs, "make", lambda *_: [])
+    (to := tmp_path / "release").mkdir()
+    made = SimpleNamespace(description=None, steps=SimpleNamespace(folder=tmp_path))
+    names = [row.path.name for row in release.make(made, card, to)]  # type: ignore[arg-type]
+    assert card.manifest.name in names
+    (entry,) = json.loads((to / card.manifest.name).read_text())["os_list"]
+    assert (entry["url"], entry["extract_size"]) == ((to / packed.name).as_uri(), 4)
+    assert f"  {card.manifest.name}\n" in (to / release.programs.SUMS).read_text()

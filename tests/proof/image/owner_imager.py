@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tests.firmware.card.conftest import KEY
-from tests.firmware.card.imager_card import CMDLINE, NETWORK, USER_DATA
+from tests.firmware.card.imager_card import CMDLINE, NETWORK_WITH_CABLE, USER_DATA
 from tests.proof.image.console_notes import all_told, notes, reachable, taken_away
 from tests.proof.image.login import Key, said
 from tests.proof.image.machine import powered, put
@@ -12,7 +12,7 @@ from tests.proof.image.rows import Row
 
 FILES = {
     "user-data": USER_DATA.replace("captain-7", "depot-3"),  # another name than it had
-    "network-config": NETWORK,
+    "network-config": NETWORK_WITH_CABLE,
     "meta-data": "instance-id: rpi-imager-1784124660514\n",
     "cmdline.txt": CMDLINE,
     "firstrun.sh": "#!/bin/sh\ntouch /data/firstrun\n",
@@ -37,10 +37,10 @@ def rows(card: Path, folder: Path, key: Key) -> Iterator[Row]:
         shown = notes(guest)
         yield from all_told(shown, {
             "Imager's settings": "the owner's files are in force: box.toml, network-config, user-data; 1 ssh key",
-            "packages": "user-data:4: packages is ignored: the box runs and installs nothing",
-            "a password": "user-data:21: passwd is refused: the box has no passwords",
-            "another user": 'user-data:17: user "pi" is not created; its ssh keys log in as operator',
-            "a keyboard": "user-data: keys ignored: keyboard (line 12)",
+            "packages": "user-data:5: packages is ignored: the box runs and installs nothing",
+            "a password": "user-data:22: passwd is refused: the box has no passwords",
+            "another user": 'user-data:18: user "pi" is not created; its ssh keys log in as operator',
+            "a keyboard": "user-data: keys ignored: keyboard (line 14)",
         })  # fmt: skip
         yield Row(
             "console.shell = false", "a key" if "s shell" in shown else "no key", "no key", "s shell" not in shown
