@@ -4,7 +4,7 @@
 .DEFAULT_GOAL := help
 .PHONY: help setup packages run codec wheels wheels-test import-check docs reference test fresh test-binary test-binary-directory test-binary-file check arcs mutants portable fuzz truth dialects \
 	bench bench-station bench-json bench-messages bench-v2n bench-time bench-record bench-ros2 bench-before lab meter attack chaos outages client facilities fleet swarm \
-	kernel ros2 clock days chronyd binary deb deb-test image image-test programs programs-test release flash lock proof clean
+	kernel ros2 clock days chronyd binary deb deb-test image image-test image-conventions programs programs-test release flash lock proof clean
 
 # The last commit before the code lay in packages, whose figures tests/bench/FIGURES.md has.
 BEFORE ?= d0166e94
@@ -200,6 +200,9 @@ release: setup-image ## all files of a release, in build/release: card, update, 
 
 image-test: setup-image ## the card in QEMU, part by part, looked at from outside; ARGS='--only start ports', ARGS=--short
 	@.venv/bin/python -m tests.proof.image $(ARGS)
+
+image-conventions: setup-test ## the files for Raspberry Pi Imager, cloud-init, rpi-image-gen and pi-gen, by our tests; with MIRRORS=DIR, checkouts of rpi-imager, rpi-image-gen and pi-gen, also by their schema, lint and runner
+	@.venv/bin/python -m tests.image.conventions $(if $(MIRRORS),--mirrors "$(MIRRORS)") $(ARGS)
 
 flash: setup-image ## write the card, after a question: DEV=/dev/sdX
 	@[ -n "$(DEV)" ] || { echo "flash: no card is named: DEV=/dev/sdX; lsblk lists them" >&2; exit 2; }
