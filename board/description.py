@@ -173,6 +173,7 @@ class PulseDescription:
     """[pulse]: the input of a receiver's pulse per second. Give one of device, chip, line and kind.
 
     device      PPS device of the kernel, such as `/dev/pps0` of the overlay pps-gpio.
+    gpio        GPIO of the Raspberry Pi's header that makes `device`: `captain box setup` adds the overlay for it.
     chip        GPIO chip as in [lines], without a PPS device: the kernel stamps edges of GPIO lines too.
     offset      number of the line in its chip.
     line        the kernel's name of a line, in place of chip and offset.
@@ -183,6 +184,7 @@ class PulseDescription:
     """
 
     device: str = ""
+    gpio: Annotated[int, Range(0, 27)] | None = None
     chip: str = ""
     offset: Annotated[int, Range(0, 1023)] = 0
     line: str = ""

@@ -39,7 +39,7 @@ GROUPS = {
         "modem": "cellular modem",
         "time": "station time and accuracy",
         "selftest": "test each part of the board",
-        "box": "check the owner's files",
+        "box": "set up, check files",
     },
     "tools": {
         "decode": "octets to fields",

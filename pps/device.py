@@ -24,7 +24,7 @@ DEPTH = 8  # most edges that wait for the loop; if there are more, the newest ar
 
 PPS = (
     "add pps-gpio to the device tree: for a box's card device_tree.pulse_gpio in image/image.toml; on Raspberry Pi OS "
-    "`dtoverlay=pps-gpio,gpiopin=18` in config.txt"
+    "`sudo captain box setup --write`, or `dtoverlay=pps-gpio,gpiopin=18` in config.txt"
 )
 PERMISSION = 'add a udev rule: SUBSYSTEM=="pps", GROUP="gpio", MODE="0660"'
 HINTS = {

@@ -36,6 +36,7 @@ TABLE = {
     "board": Rule(("gpiod", "smbus2", "serial")),
     "board/runtime": Rule(()),
     "board/time": Rule(("board.runtime",)),
+    "board/pi": Rule(("board.description",)),
     # paho and captain_messages are imported only in the process of the MQTT client.
     "drivers": Rule(
         ("board", "serial", "paho", "captain_messages"),
@@ -133,7 +134,7 @@ TABLE = {
     "firmware/guide/examples": Rule(("captain_client", "paho")),
     CLIENT: Rule(("zmq", "captain_messages", "captain_client")),
     "asn1": Rule(("asn1tools",)),
-    "image": Rule(("board.runtime",)),
+    "image": Rule(("board.runtime", "board.pi")),
 }
 
 

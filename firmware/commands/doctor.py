@@ -16,7 +16,7 @@ from firmware.client.show.table import width_of
 from firmware.codec import library
 from firmware.config import captain_toml
 from firmware.config.captain_toml import Config, InterfaceConfig
-from firmware.doctor import board, checks, clock, mqtt
+from firmware.doctor import board, checks, clock, mqtt, setup
 from firmware.doctor.finding import Finding, Level
 from firmware.lab import ports
 from firmware.printable import clean
@@ -37,7 +37,8 @@ Checks everything that `captain run` with the same options would need:
 
 Without options, and with a service (captain.service, as on a box), the
 service's configuration, defaults and board are used. The state of
-the service and its last log lines are checked, too.
+the service and its last log lines are checked, too. With the package
+captain-box, so are the settings that `captain box setup` makes.
 
 Each line is ok, a warning (the station runs, with limits) or a problem, with
 the remedy below it.
@@ -98,6 +99,8 @@ def examine(arguments: argparse.Namespace, unit: systemd.Unit | None = None) -> 
     is_service, is_served = unit is not None, unit is not None and systemd.is_active(unit)
     yield from checks.endpoint(endpoint, running, is_served)
     yield from board.board(read.board, is_service=is_service)
+    if is_service:
+        yield from setup.missing()
     if not is_served:
         yield from checks.neighbours(read.board, running)
     is_beside = running is not None and checks.has_other(running, read.digest)

@@ -207,6 +207,8 @@ def _pulse(board: Hardware, tables: Tables) -> Iterator[str]:
         yield "pulse.offset: is missing; give that of the line in its chip"
     if "offset" in table and not table.get("chip"):
         yield "pulse.offset: is that of a line in a chip; give its chip, or leave it out"
+    if "gpio" in table and not table.get("device"):
+        yield 'pulse.gpio: is that of a PPS device; give the device, such as "/dev/pps0", or leave it out'
     if table.get("kind") == "simulated" and tables.get("simulated") is not True:
         yield "pulse.kind: simulated pulses need a simulated board; give the device, or simulated = true for the board"
     place = _pin(board.pulse) if board.pulse else ""

@@ -12,7 +12,7 @@ from firmware.doctor.finding import Finding, Level
 
 I2C = (
     "the device tree has to switch I2C on: of the box's card by image/image.toml, device_tree.i2c; on Raspberry Pi OS "
-    "by dtparam=i2c_arm=on (i2c_vc=on for i2c-0) in config.txt; and load i2c-dev"
+    "by `sudo captain box setup --write`, or dtparam=i2c_arm=on (i2c_vc=on for i2c-0) in config.txt; and load i2c-dev"
 )
 TREE = "`lsusb -t` shows the hubs; correct usb of the slots in the board file"
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from board.pi import overlays as pi
 from board.runtime.errors import ConfigurationError
 from board.runtime.toml import load
 from image.description import DeviceTree
@@ -35,6 +36,7 @@ UARTS = {
     5: Block("/soc/serial@7e201a00", "uart5-gpio12", (12, 13)),
 }
 CONSOLE_GPIOS = (14, 15)
+PI = 4  # the generation whose blocks are in I2C and UARTS
 
 _PULSE = """\
 &{{{gpio}}} {{ pps_pins: pps-pins {{ brcm,pins = <{pin}>; brcm,function = <0>; brcm,pull = <0>; }}; }};
@@ -98,9 +100,9 @@ def additions(tree: DeviceTree, source: str) -> str:
 def overlays(tree: DeviceTree) -> list[str]:
     """Return lines of config.txt that make the firmware add the devices. Raises ImageError for a GPIO used twice."""
     _no_pin_twice(tree)
-    pulse = [f"dtoverlay=pps-gpio,gpiopin={tree.pulse_gpio}"] if tree.pulse_gpio is not None else []
-    i2c = ["dtparam=i2c_arm=on" if number == 1 else f"dtoverlay=i2c{number}" for number in tree.i2c]
-    return [*pulse, *i2c, *(f"dtoverlay=uart{number}" for number in tree.uarts)]
+    pulse = [pi.pulse(tree.pulse_gpio)] if tree.pulse_gpio is not None else []
+    uarts = (line for number in tree.uarts for line in pi.uart(f"ttyAMA{number}", PI))
+    return [*pulse, *(pi.i2c(number, PI) for number in tree.i2c), *uarts]
 
 
 def compiled(tree: DeviceTree, source: Path, target: Path) -> None:

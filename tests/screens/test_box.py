@@ -6,10 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from firmware.commands import ros2
+from firmware.commands import box, ros2
+from firmware.setup.kept import Kept
 from tests.firmware.card.conftest import write
 from tests.firmware.card.test_command import BAD, GOOD
 from tests.firmware.commands.test_ros2 import WHOLE, without
+from tests.firmware.setup.conftest import Machine
 from tests.firmware.update.conftest import bundle, service
 from tests.firmware.update.rauc_service import BROKEN, Service
 from tests.screens.terminal import Terminal, compare
@@ -54,6 +56,34 @@ def test_check_of_a_card_ends_with_the_verdict(name: str, files: dict[str, str |
     write(Path("card"), files)
     terminal.run("box", "check", "card", "--board", "none")
     compare(name, terminal.lines())
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("box-setup", ()),
+        ("box-setup-firewall", ("--firewall",)),
+        ("box-setup-write", ("--write",)),
+        ("box-undo", ("--undo",)),
+    ],
+)
+def test_setup_of_a_pi_ends_with_the_next_step(
+    name: str, options: tuple[str, ...], terminal: Terminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    machine = Machine(Path("root").absolute())
+    monkeypatch.setattr(box, "ROOT", machine.root)
+    monkeypatch.setattr(box, "Kept", lambda root: Kept(root, machine.run))
+    if name == "box-undo":
+        Terminal().run("box", "setup", "--board", "pi", "--write")
+        machine.write("boot/firmware/config.txt", f"{machine.read('boot/firmware/config.txt')}gpu_mem=16\n")
+    terminal.run("box", "setup", *(() if name == "box-undo" else ("--board", "pi")), *options)
+    compare(name, terminal.lines())
+
+
+def test_setup_without_captain_box_ends_with_the_remedy(terminal: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(box, "ROOT", Path.cwd())
+    terminal.run("box", "setup")
+    compare("box-setup-bad", terminal.lines())
 
 
 def test_a_station_with_mistakes_in_its_configuration_ends_with_them(

@@ -159,6 +159,8 @@ def test_a_pulse_comes_to_one_input(tmp_path: Path, pulse: str, where: str) -> N
         ('device = "/dev/pps0"\nline = "GPIO18"', "pulse: needs one of device, chip, line and kind"),
         ('device = "/dev/pps0"\noffset = 18', "pulse.offset: is that of a line in a chip"),
         ('chip = "gpiochip0"', "pulse.offset: is missing; give that of the line"),
+        ('line = "GPIO18"\ngpio = 18', "pulse.gpio: is that of a PPS device; give the device"),
+        ('device = "/dev/pps0"\ngpio = 28', "pulse.gpio: 28 is "),
         ('device = "/dev/p\\u001b[31mps"', "pulse.device: '/dev/p\\x1b[31mps' has characters that cannot be printed"),
         ('device = "/dev/pps0\\u0000"', "pulse.device: '/dev/pps0\\x00' has characters that cannot be printed"),
         ('kind = "simulated"', "pulse.kind: simulated pulses need a simulated board"),

@@ -155,6 +155,13 @@ def test_change_of_the_owner_outlives_an_upgrade(made: Path, boxed: Path, root: 
 
 def test_scripts_and_the_owners_file_are_named(boxed: Path, tmp_path: Path):
     run(["dpkg-deb", "--control", boxed, tmp_path])
-    assert {path.name for path in tmp_path.iterdir()} == {"control", "conffiles", "md5sums", "postinst", "postrm"}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "control",
+        "conffiles",
+        "md5sums",
+        "postinst",
+        "prerm",
+        "postrm",
+    }
     assert (tmp_path / "conffiles").read_text() == "/etc/chrony/conf.d/captain.conf\n"
     assert (deb.FILES / "box").is_dir()

@@ -1,0 +1,1 @@
+"""Raspberry Pi: its models, and lines of config.txt that add devices."""
