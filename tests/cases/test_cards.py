@@ -125,14 +125,16 @@ def test_a_password_of_signs_and_a_name_with_an_apostrophe_are_taken_as_they_are
     assert "    ssid=57616e6727732057694669" in lines(found)
 
 
-def test_guide_flash_with_imager_2_says_to_copy_the_files_by_hand():
+def test_guide_flash_with_imager_2_names_the_manifest_or_copies_by_hand():
     page = (PROJECT / "image/guide/flash.md").read_text()
     flash = " ".join(page[page.index("## Flash") : page.index("## Your files")].split())
     assert "Imager 2 writes no customisation for a custom image" in flash
     assert "copy [your files](#your-files) onto the card by hand" in flash
+    assert ".rpi-imager-manifest" in flash
 
 
-def test_card_text_with_imager_2_says_to_copy_the_files_by_hand():
+def test_card_text_with_imager_2_names_the_manifest_or_copies_by_hand():
     text = " ".join((PROJECT / "image/first/README.txt").read_text().split())
     assert 'Imager 2 cannot customise an image chosen with "Use custom"' in text
     assert "copy your files here by hand" in text
+    assert ".rpi-imager-manifest" in text

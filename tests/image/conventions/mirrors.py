@@ -76,7 +76,7 @@ def lint(check: str, mirror: Path) -> Row:
     missing = subprocess.run(["python3", "-c", "import debian, yaml"], capture_output=True, check=False)
     if missing.returncode:
         return Row(check, None, "it needs Debian's packages python3-debian and python3-yaml")
-    words = ["python3", mirror / "bin/ig", "metadata", "--lint", LAYER]
+    words = ["python3", str(mirror / "bin/ig"), "metadata", "--lint", str(LAYER)]
     ended = subprocess.run(words, capture_output=True, text=True, check=False)
     return Row(check, "" if ended.returncode == 0 else (ended.stdout + ended.stderr).strip(), "ig metadata --lint")
 
