@@ -135,6 +135,8 @@ TABLE = {
     CLIENT: Rule(("zmq", "captain_messages", "captain_client")),
     "asn1": Rule(("asn1tools",)),
     "image": Rule(("board.runtime", "board.pi")),
+    # Reads the parsers of all commands while packages are built.
+    "image/manual": Rule(("firmware.cli", "shtab")),
 }
 
 

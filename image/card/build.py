@@ -11,6 +11,7 @@ from image import checksum, manifest
 from image.card import bundle, keys
 from image.description import Description
 from image.filesystem import disk
+from image.manual import files
 from image.packages import Archive, Package, native_architecture, paths, read_list, write_list
 from image.parts import boot, device_tree, initrd, kernel, root, slot_names
 from image.program import freezing, frozen, licences
@@ -155,6 +156,7 @@ class Build:
             slot_names.PATH: slot_names.rules(device_tree.read_board(board)),
             "etc/rauc/keyring.pem": self.keys.keyring.read_text(),
             "usr/lib/captain-image/signer": f"{self.keys.kind} {keys.subject(self.keys.certificate)}\n",
+            **files.made(version(), now),
         }
 
         def make(folder: Path) -> None:

@@ -1,5 +1,6 @@
 """Debian packages, and that of captain's directory, for machines other than the box."""
 
+import gzip
 import hashlib
 import os
 import re
@@ -11,6 +12,7 @@ from typing import NamedTuple
 
 from image import own_files
 from image.errors import ImageError
+from image.manual import files
 from image.tool import run
 
 FILES = Path(__file__).parents[1] / "debian"
@@ -79,6 +81,7 @@ def make(
     with tempfile.TemporaryDirectory() as name:
         root = Path(name) / "package"
         _lay_out(program, documents, root)
+        _add_manual(files.made(version, epoch), root)
         relations = f"Depends: libc6 (>= {c_library(root / PLACE)}), passwd, procps\nRecommends: chrony"
         build(root, About("captain", version, architecture, relations, _SYNOPSIS, _DESCRIPTION), FILES, epoch, target)
 
@@ -137,6 +140,14 @@ def _lay_out(program: Path, documents: Mapping[str, bytes], root: Path) -> None:
     write(root / UNIT, own_files.read(UNIT, own_files.PACKAGE).encode())
     for name, octets in documents.items():
         write(root / DOCUMENTS / name, octets)
+
+
+def _add_manual(manual: Mapping[str, str], root: Path) -> None:
+    for path, text in manual.items():
+        if path.startswith(files.MAN):
+            write(root / f"{path}.gz", gzip.compress(text.encode(), mtime=0))  # Debian Policy 12.1: compressed
+        else:
+            write(root / path, text.encode())
 
 
 def _describe(root: Path, control: str, scripts: Path) -> None:

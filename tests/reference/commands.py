@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from asn1.cli import arguments as asn1_arguments
-from firmware.cli import VERBS, load
+from firmware.cli import VERBS
+from image.manual.files import parsers
+from image.manual.page import expanded, invocation
 from tests.documents import anchor
 from tests.reference.page import Page, Section, table
 
@@ -20,18 +22,10 @@ def page() -> Page:
     made = Page("commands", "Commands", SUMMARY, [], contents=2)
     rows = [(f"[`captain {verb}`](#{anchor(f'captain {verb}')})", text) for verb, text in VERBS.items()]
     made.sections.append(Section("captain", table(("command", "purpose"), rows)))
-    for verb in VERBS:
-        made.sections += _sections(_parser(verb), made.missing)
+    for parser in parsers()[1].values():
+        made.sections += _sections(parser, made.missing)
     made.sections += _sections(asn1_arguments(), made.missing)
     return made
-
-
-def _parser(verb: str) -> argparse.ArgumentParser:
-    """Return the parser of a command, without the errors and the wrapping of firmware/cli.py."""
-    command = load(verb)
-    parser = argparse.ArgumentParser(prog=f"captain {verb}", description=command.DESCRIPTION, epilog=command.EPILOG)
-    command.arguments(parser)
-    return parser
 
 
 def _sections(parser: argparse.ArgumentParser, missing: list[str]) -> Iterator[Section]:
@@ -47,41 +41,19 @@ def _sections(parser: argparse.ArgumentParser, missing: list[str]) -> Iterator[S
 
 
 def _groups(parser: argparse.ArgumentParser, missing: list[str]) -> Iterator[str]:
-    formatter = argparse.HelpFormatter(parser.prog)
     for group in parser._action_groups:
         lines = []
         for action in group._group_actions:
             if action.help is argparse.SUPPRESS or isinstance(action, argparse._HelpAction):
                 continue
             if not action.help and not isinstance(action, argparse._SubParsersAction):
-                missing.append(f"{parser.prog}: {_name(action)}: no help")
-            lines += _entry(_name(action), formatter._expand_help(action) if action.help else "")
+                missing.append(f"{parser.prog}: {invocation(action)}: no help")
+            lines += _entry(invocation(action), expanded(action))
             if isinstance(action, argparse._SubParsersAction):
                 for choice in action._choices_actions:
                     lines += _entry(f"  {choice.dest}", choice.help or "")
         if lines:
             yield "\n".join([f"{group.title}:", *lines])
-
-
-def _name(action: argparse.Action) -> str:
-    value = _value(action)
-    if not action.option_strings:
-        return value
-    return ", ".join(action.option_strings) + (f" {value}" if value else "")
-
-
-def _value(action: argparse.Action) -> str:
-    """The placeholder of an argument's values."""
-    if action.nargs == 0:
-        return ""
-    word = action.metavar or ("{" + ",".join(map(str, action.choices)) + "}" if action.choices else "")
-    if not word:
-        word = action.dest.upper() if action.option_strings else action.dest
-    if isinstance(word, tuple):
-        return " ".join(word)
-    if isinstance(action.nargs, int):
-        return " ".join([word] * action.nargs)
-    return {"?": f"[{word}]", "*": f"[{word} ...]", "+": f"{word} ..."}.get(action.nargs or "", word)
 
 
 def _entry(name: str, text: str) -> list[str]:

@@ -12,6 +12,7 @@ import pytest
 
 from drivers import reason
 from firmware.config.tables import QueueOptions
+from image.manual import files
 from tests.reference import commands, drops, options, topics
 from tests.reference.page import MissingError
 from tests.reference.pages import FOLDER, ROOT, written
@@ -90,10 +91,11 @@ def test_new_command_without_help_is_missing_and_with_help_changes_the_page(monk
     def arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument("--loud", action="store_true", help=help_of_it)
 
-    monkeypatch.setattr(commands, "VERBS", commands.VERBS | {"shout": "say it louder"})
+    for module in (commands, files):
+        monkeypatch.setattr(module, "VERBS", commands.VERBS | {"shout": "say it louder"})
     new = SimpleNamespace(DESCRIPTION="Says it.", EPILOG="", arguments=arguments)
-    before = commands.load
-    monkeypatch.setattr(commands, "load", lambda verb: new if verb == "shout" else before(verb))
+    before = files.load
+    monkeypatch.setattr(files, "load", lambda verb: new if verb == "shout" else before(verb))
     help_of_it = None
     with pytest.raises(MissingError, match="captain shout: --loud"):
         commands.page().text()

@@ -1,5 +1,6 @@
 """The Debian package: installed into a root of its own by dpkg, which runs its scripts."""
 
+import gzip
 import os
 import shutil
 import stat
@@ -51,6 +52,20 @@ def test_installed_it_runs_has_its_unit_and_its_user(made: Path, root: Path):
 def test_it_is_installed_whole(made: Path, root: Path):
     dpkg(root, "--install", made)
     assert dpkg(root, "--verify", "captain") == ""
+
+
+def test_installed_it_has_compressed_man_pages_and_completion_of_three_shells(made: Path, root: Path):
+    dpkg(root, "--install", made)
+    share = root / "usr/share"
+    page = (share / "man/man1/captain-listen.1.gz").read_bytes()
+    assert page[4:8] == bytes(4)  # no date: equal text gives equal octets
+    assert gzip.decompress(page).startswith(b'.TH "CAPTAIN\\-LISTEN" 1 "2025-06-15" "captain 1.2.3"')
+    names = (
+        "bash-completion/completions/captain",
+        "zsh/vendor-completions/_captain",
+        "fish/vendor_completions.d/captain.fish",
+    )
+    assert all((share / name).stat().st_size for name in names)
 
 
 def test_an_update_keeps_what_the_owner_has_written(program: Path, made: Path, root: Path, tmp_path: Path):

@@ -1,0 +1,1 @@
+"""Man pages and shell completion of captain, from the parsers of its command line."""
