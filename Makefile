@@ -73,8 +73,8 @@ portable: setup-portable ## C with gcc, clang and for aarch64 (run by qemu): the
 reference: setup ## write firmware/reference from the code
 	@.venv/bin/python -m tests.reference
 
-docs: setup ## write a page per message; in build/docs/messages
-	@.venv/bin/captain-asn1 generate --all --format docs --to build/docs/messages
+docs: setup setup-docs ## build a site of all documents and messages; in build/docs, with search; needs no server
+	@.ci/site
 
 fuzz: setup-fuzz ## random octets, led by coverage, for every message in C and in Python; ARGS='--runs 10000000'
 	@.venv/bin/python -m tests.fuzz $(ARGS)
