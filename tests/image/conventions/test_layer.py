@@ -16,6 +16,39 @@ HOOK = yaml.safe_load(LAYER.read_text())["mmdebstrap"]["customize-hooks"][0]
 CHROOT = '#!/bin/sh\nshift\necho "$*" >>"$CALLS"\ncase "$*" in *"$FAILING"*) exit 1;; esac\n'
 
 
+# Source: rpi-image-gen, site/metadata_parser.py: fields that its lint accepts; those of a variable with X-Env-VarPrefix.
+OF_LAYERS = {
+    "Name",
+    "Desc",
+    "Version",
+    "Requires",
+    "Conflicts",
+    "Category",
+    "Type",
+    "Generator",
+    "Provides",
+    "RequiresProvider",
+}
+OF_VARIABLES = {"Desc", "Required", "Valid", "Set", "Anchor", "Conflicts", "Triggers"}
+
+
+def test_fields_of_the_layer_are_those_that_lint_accepts():
+    for field in FIELDS:
+        kind, *rest = field.removeprefix("X-Env-").split("-")
+        if kind == "Layer":
+            assert rest[0] in OF_LAYERS
+        elif kind == "Var":
+            assert rest[0] in VARIABLES
+            assert set(rest[1:]) <= OF_VARIABLES
+        else:
+            assert field == "X-Env-VarPrefix"
+
+
+def test_default_of_the_generation_is_in_the_range_of_its_rule():
+    low, high = map(int, FIELDS["X-Env-Var-pi-Valid"].removeprefix("int:").split("-"))
+    assert low <= int(FIELDS["X-Env-Var-pi"]) <= high
+
+
 def test_layer_has_the_metadata_that_a_build_needs():
     assert FIELDS["X-Env-Layer-Name"] == FIELDS["X-Env-VarPrefix"] == "captain"
     assert re.fullmatch(r"\d+\.\d+\.\d+", FIELDS["X-Env-Layer-Version"])
