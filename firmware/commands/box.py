@@ -31,7 +31,7 @@ and the service's board.
 EPILOG = """\
 examples:
   captain box check /media/me/BOOT         the card, still in the laptop
-  captain box check ./my-box               a folder, before you copy it to the card
+  captain box check ./my-box               a folder, before it is on the card
   captain box setup --board pi             what this Raspberry Pi lacks
   sudo captain box setup --board pi --write
   sudo captain box setup --undo            as it was before

@@ -7,7 +7,7 @@ from firmware.setup.setting import Setting
 
 NAME = "captain.txt"
 INCLUDE = f"include {NAME}"
-HEAD = "# Written by `captain box setup`; `captain box setup --undo` removes it.\n"
+HEAD = "# Written by `captain box setup`, which removes other lines: write yours into config.txt.\n"
 
 
 class ConfigTxt:

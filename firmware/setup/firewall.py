@@ -24,7 +24,8 @@ ExecReload=/{NFT} -f /{RULES}
 
 _PERMITTED = re.compile(r"\b(tcp|udp)\b.*? dport (\d+)(?:-(\d+))? accept")
 _LISTENS = {"tcp": "0A", "udp": "07"}  # states in /proc/net: TCP_LISTEN, TCP_CLOSE
-_LOOPBACK = re.compile(r"[0-9A-F]{6}7F|0{24}01000000")  # 127.0.0.0/8 and ::1, each word in the order of the processor
+# 127.0.0.0/8, as an IPv6 address too, and ::1; each word in the order of a little-endian processor.
+_LOOPBACK = re.compile(r"(?:0{16}FFFF0000)?[0-9A-F]{6}7F|0{24}01000000")
 
 
 class Firewall:
@@ -42,8 +43,8 @@ class Firewall:
             raise UsageError("--firewall: nftables is not installed", "sudo apt install nftables")
         is_on = self._kept.read(DROP_IN) == TEXT.encode() and self._is_enabled()
         closed = " ".join(self._closed()) or "no port that is open now"
-        what = f"{UNIT} with the rules of /{RULES}"
-        return [] if is_on else [Setting(f"/{DROP_IN}", what, f"closes {closed}")]
+        reason = f"on eth0 and wlan0, closes {closed}; on other networks, all ports; forwards no packets"
+        return [] if is_on else [Setting(f"/{DROP_IN}", f"rules of /{RULES}", reason)]
 
     def make(self, kept: Kept) -> None:
         """Switch it on; at once if systemd runs. Raises StationError if that fails."""

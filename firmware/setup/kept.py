@@ -58,7 +58,7 @@ class Kept:
         self._run = run
         self._record = root / RECORD
         self._changes: dict[str, Change] = {}
-        self._undo: list[list[str]] = []  # commands
+        self._undo: list[list[str]] = []  # commands, run from the last to the first
         self._load()
 
     @property
@@ -72,18 +72,22 @@ class Kept:
     def write(self, name: str, after: bytes) -> None:
         """Replace a file, and keep its former content. Raises StorageError if that fails."""
         now, old = self.read(name), self._changes.get(name)
-        if old is not None:  # a second setup: what the owner has changed since the first one is not ours
-            now = old.before if now == old.after else reverted(now or b"", old, name)
+        if old is not None and now is not None:  # a second setup: later changes of the owner are not ours
+            now = old.before if now == old.after else reverted(now, old, name)
         self._changes[name] = Change(now, after)
         self._save()
         self._put(name, after)
 
     def run(self, words: Sequence[str], undo: Sequence[str]) -> None:
         """Run a command, and keep the one that reverts it. Raises InterfaceError if it fails."""
-        self._run(words)
-        if undo and list(undo) not in self._undo:
-            self._undo.append(list(undo))
+        self._undo.append(list(undo))
+        self._save()
+        try:
+            self._run(words)
+        except InterfaceError:
+            self._undo.pop()
             self._save()
+            raise
 
     def reload(self) -> None:
         """Let systemd, if it runs here, read its units again. Raises InterfaceError if that fails."""

@@ -178,6 +178,14 @@ def test_undo_after_a_change_between_two_setups_keeps_that_change(machine: Machi
     assert machine.read("etc/default/captain").endswith("CAPTAIN_BOARD=none\nCAPTAIN_OPTIONS=\n# mine\n")
 
 
+def test_undo_after_a_file_was_removed_between_two_setups_removes_it_again(machine: Machine):
+    make(machine, "pi")
+    (machine.root / "etc/default/captain").unlink()
+    make(machine, "quad")
+    undo(machine)
+    assert not (machine.root / "etc/default/captain").exists()
+
+
 def test_undo_keeps_own_lines_of_the_owner_in_captain_txt(machine: Machine):
     make(machine)
     machine.write(CAPTAIN_TXT, machine.read(CAPTAIN_TXT) + "gpu_mem=16\n")
@@ -216,8 +224,10 @@ def test_setup_that_breaks_off_is_reverted_by_undo(machine: Machine):
     with pytest.raises(Exception, match="usermod"):
         make(machine)
     machine.fails = ""
+    machine.said.clear()
     undo(machine)
     assert machine.state() == before
+    assert machine.said == []
 
 
 def test_undo_of_a_group_that_is_gone_says_so_and_reverts_the_rest(machine: Machine):
@@ -240,7 +250,9 @@ def test_firewall_names_open_ports_that_it_closes(machine: Machine):
     machine.write("proc/net/tcp", "head\n" + "".join(f"  {at}: {row} 0\n" for at, row in enumerate(rows)))
     machine.write("proc/net/udp6", f"head\n  0: {'0' * 32}:007B {'0' * 32}:0000 07 0\n")
     parts = setup.parts(Kept(machine.root, machine.run), "none", 4, has_firewall=True)
-    assert [one.reason for one in setup.lacking(parts) if "nftables" in one.file] == ["closes tcp/80 udp/123"]
+    assert [one.reason for one in setup.lacking(parts) if "nftables" in one.file] == [
+        "on eth0 and wlan0, closes tcp/80 udp/123; on other networks, all ports; forwards no packets"
+    ]
 
 
 def test_firewall_that_was_enabled_is_loaded_again_with_the_owners_rules(machine: Machine):
