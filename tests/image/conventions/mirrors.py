@@ -97,7 +97,7 @@ def stage(check: str, mirror: Path) -> Row:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         calls, trouble = run_stage(mirror, folder)
-        copied = sorted(path.name for path in (folder / "work/stage-captain/rootfs/tmp/captain").glob("*"))
+        copied = sorted(path.name for path in (folder / "work/stage-captain/rootfs/var/cache/captain").glob("*"))
     wanted = [
         r"apt-get .*install .*chrony",
         r"apt-get install .*captain/\*\.deb",
@@ -120,7 +120,7 @@ def run_stage(mirror: Path, folder: Path) -> tuple[list[str], str]:
     (copy / "00-captain/files").mkdir()
     for name in PACKAGES:
         (copy / "00-captain/files" / name).touch()
-    (folder / "work/stage2/rootfs/tmp").mkdir(parents=True)
+    (folder / "work/stage2/rootfs/var").mkdir(parents=True)
     (folder / "calls").touch()
     environment = {
         "SCRIPT_DIR": mirror / "scripts", "WORK_DIR": folder / "work", "STAGE_DIR": copy, "CALLS": folder / "calls",

@@ -46,11 +46,11 @@ def test_files_of_the_stage_have_the_names_that_pi_gen_runs_and_scripts_are_exec
 )
 def test_stage_installs_the_packages_and_sets_the_card_up(folder: Path, environment: dict[str, str], board: str):
     assert run(STAGE / "00-captain/01-run.sh", folder, **environment) == [
-        "apt-get install --yes /tmp/captain/*.deb",
+        "apt-get install --yes /var/cache/captain/*.deb",
         f"captain box setup --write {board}",
-        "rm -r /tmp/captain",
+        "rm -r /var/cache/captain",
     ]
-    assert sorted(path.name for path in (folder / "root/tmp/captain").iterdir()) == sorted(PACKAGES)
+    assert sorted(path.name for path in (folder / "root/var/cache/captain").iterdir()) == sorted(PACKAGES)
 
 
 def test_stage_without_packages_fails(tmp_path: Path):

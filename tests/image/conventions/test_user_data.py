@@ -71,4 +71,8 @@ def test_names_and_logins_in_the_example_are_valid_once_uncommented():
     own = yaml.safe_load("\n".join(line.removeprefix("#") for line in lines if not re.match(r"# \w", line)))
     assert own["hostname"] == "captain-7"
     assert own["users"][0]["ssh_authorized_keys"] == ["ssh-ed25519 AAAA... you@computer"]
+    # useradd refuses the name of a group, of which base-passwd has some; preinst refuses captain
+    groups = [row.partition(":")[0] for row in Path("/usr/share/base-passwd/group.master").read_text().splitlines()]
+    assert own["users"][0]["name"] not in {*groups, "captain"}
+    assert own["users"][0]["sudo"] == "ALL=(ALL) NOPASSWD:ALL"  # it has no password that sudo could ask for
     assert COMMANDS & own.keys() == {"runcmd"}
