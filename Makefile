@@ -179,24 +179,25 @@ chronyd: setup-test ## a real chronyd, fed and stepped: by the refclock alone, t
 binary: setup-freeze setup ## build captain as one file and as a directory; in build/binary; the directory is for the image
 	@.ci/freeze
 
-deb: setup-freeze setup ## build both Debian packages for this processor; in build/deb, without root
+deb: setup-deb setup wheels ## build the Debian packages and wheels for this processor; in build/deb, without root
 	@.venv/bin/python -m image.program.native
 
-deb-test: setup-image deb ## both packages in new Debian 12 and 13 roots, as root; ARGS='--suites bookworm', ARGS='--made build/programs --arch arm64'
+deb-test: setup-image $(if $(findstring --made,$(ARGS)),,deb) ## the packages in new Debian 12 and 13 roots, as root; ARGS='--suites bookworm', ARGS='--made build/programs --arch arm64'
+	@.ci/emulation
 	@.venv/bin/python -m tests.programs.packages $(ARGS)
 
 image: setup-image ## build the card of a Raspberry Pi 4; build/captain-VERSION-arm64.img, checked; ARGS='build --upgrade', ARGS=twice
 	@.ci/image $(ARGS)
 
-programs: setup-image ## build captain as one file and as Debian package; for Debian 12 and later, amd64 and arm64; in build/programs
+programs: setup-image ## build captain as one file and the Debian packages; for Debian 12 and later, amd64 and arm64; in build/programs
 	@.ci/image programs $(ARGS)
 
 programs-test: setup-image ## the same in new Debian 12 and 13 roots: installed by apt, run, measured; ARGS=--short for Debian 12 alone
 	@.ci/image programs
 	@.venv/bin/python -m tests.programs $(ARGS)
 
-release: setup-image ## all files of a release, in build/release: card, update, binaries, Debian packages, checksums
-	@.ci/image release $(ARGS)
+release: setup-image ## all files of a release, in build/release: card, update, binaries, Debian packages, containers, checksums; KEY=FINGERPRINT signs the apt repository
+	@.ci/image release $(if $(KEY),--key "$(KEY)") $(ARGS)
 
 image-test: setup-image ## the card in QEMU, part by part, looked at from outside; ARGS='--only start ports', ARGS=--short
 	@.venv/bin/python -m tests.proof.image $(ARGS)
@@ -218,8 +219,8 @@ clean: ## remove build/ and the caches; .venv stays
 	@rm -rf build .mypy_cache .ruff_cache .hypothesis
 	@find . -path ./.venv -prune -o -name __pycache__ -type d -exec rm -rf {} +
 
-setup-freeze:
-	@.ci/setup freeze
+setup-freeze setup-deb:
+	@.ci/setup $(@:setup-%=%)
 
 setup-%:
 	@.ci/setup $*

@@ -9,7 +9,7 @@ from pathlib import Path
 from image import description, step
 from image.card import build, figures, flash, keys, release, twice
 from image.errors import ImageError
-from image.program import programs
+from image.program import programs, repository
 from image.verify import card as verify
 
 HINTS = {
@@ -61,7 +61,8 @@ def _parser() -> argparse.ArgumentParser:
     verbs.add_parser("twice", help="make the card again from the same packages and list the differences")
     programs_alone = verbs.add_parser("programs", help="make programs and Debian packages alone, in build/programs")
     programs_alone.add_argument("--upgrade", action="store_true", help="with the newest packages")
-    verbs.add_parser("release", help="make all files of a release, in build/release")
+    releasing = verbs.add_parser("release", help="make all files of a release, in build/release")
+    releasing.add_argument("--key", default="", metavar="FINGERPRINT", help="key that signs the apt repository")
     writing = verbs.add_parser("flash", help="write the last made card to a device")
     writing.add_argument("device", type=Path, help="/dev/sdX or /dev/mmcblkX; its contents are lost")
     return parser
@@ -113,14 +114,18 @@ def _programs(arguments: argparse.Namespace, described: description.Description)
 
 
 def _release(arguments: argparse.Namespace, described: description.Description) -> int:
+    if arguments.key:
+        repository.check(arguments.key)
     made = build.Build(described, arguments.to)
     card = made.card()
     if _verified(described, made.steps.folder, card, made.keys):
         return 1
     to = made.steps.folder.parent / "release"
-    rows = list(release.make(made, card, to))
+    rows = list(release.make(made, card, to, arguments.key))
     print(*rows, sep="\n")
     print(to / programs.SUMS)
+    signed = f"signed by {arguments.key}" if arguments.key else "not signed: make release KEY=FINGERPRINT signs it"
+    print(f"{to / release.REPOSITORY}: {signed}")
     if made.keys.kind == keys.DEVELOPMENT:
         what = f"boxes accept any update signed on this machine; for a release, {keys.KEY} and {keys.CERTIFICATE}"
         print(f"image: signed by the development key: {what} name a key of your own", file=sys.stderr)

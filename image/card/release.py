@@ -1,19 +1,24 @@
-"""Files of a release: programs, Debian packages, compressed card with its manifest, and checksums."""
+"""Files of a release: programs, Debian packages, their repository, compressed card with its manifest."""
 
 import shutil
 from pathlib import Path
 
 from image import checksum, manifest
 from image.card import build
-from image.program import programs
+from image.program import programs, repository
 from image.program.programs import Artefact
 from image.project import epoch, version
 from image.step import key
 from image.tool import run
 
+REPOSITORY = "apt"
 
-def make(made: build.Build, card: build.CardBuild, to: Path) -> list[Artefact]:
-    """Make all files of a release in a folder of their own. Raises ImageError if a step fails."""
+
+def make(made: build.Build, card: build.CardBuild, to: Path, key: str = "") -> list[Artefact]:
+    """Make all files of a release in a folder of their own. Raises ImageError if a step fails.
+
+    key  fingerprint of the key that signs the packages' repository; empty: no signature.
+    """
     found = programs.make(made.description, made.steps.folder, to)
     parts = (_packed(made, card), card.bundle, card.packages, card.licences)
     copies = [Path(shutil.copy(path, to)) for path in parts]
@@ -21,6 +26,8 @@ def make(made: build.Build, card: build.CardBuild, to: Path) -> list[Artefact]:
     listed.write_text(manifest.text(card.image, checksum.sha256(card.image), copies[0], version(), epoch()))
     artefacts = sorted([*found, *map(Artefact, (*copies, listed))])
     programs.write_sums(artefacts, to)
+    packages = [row.path for row in artefacts if row.path.suffix == ".deb"]
+    repository.make(packages, [each.debian for each in programs.PROCESSORS], epoch(), to / REPOSITORY, key)
     return artefacts
 
 

@@ -1,4 +1,4 @@
-"""Frozen program captain, and its Debian package.
+"""Frozen program captain, its Debian packages with their repository, and its OCI image.
 
-Face: programs, freezing, frozen, licences, contents.
+Face: programs, repository, freezing, frozen, licences, contents.
 """

@@ -36,7 +36,7 @@ Architecture: {about.architecture}
 Maintainer: {maintainer}
 Installed-Size: {size_kib}
 {about.relations}
-Section: net
+Section: {about.section}
 Priority: optional
 Description: {about.synopsis}
 {about.description}"""
@@ -53,7 +53,7 @@ _DESCRIPTION = """\
 class About(NamedTuple):
     """Control fields that differ between packages.
 
-    relations    lines of the fields Depends, Recommends and Suggests.
+    relations    lines of the fields Depends, Recommends, Suggests and Multi-Arch.
     synopsis     first line of the field Description.
     description  further lines of that field.
     """
@@ -64,6 +64,7 @@ class About(NamedTuple):
     relations: str
     synopsis: str
     description: str
+    section: str = "net"
 
 
 def make(
@@ -86,12 +87,12 @@ def make(
         build(root, About("captain", version, architecture, relations, _SYNOPSIS, _DESCRIPTION), FILES, epoch, target)
 
 
-def build(root: Path, about: About, scripts: Path, epoch: int, target: Path) -> None:
+def build(root: Path, about: About, scripts: Path | None, epoch: int, target: Path) -> None:
     """Build a Debian package of a folder; equal files give equal octets.
 
     root     the package's files; those in etc belong to the machine's owner. DEBIAN is added to it.
     about    control fields of the package.
-    scripts  folder of those of SCRIPTS that the package has.
+    scripts  folder of those of SCRIPTS that the package has; None: it has none.
     epoch    date of all files, Unix seconds.
 
     Raises ImageError if a tool fails.
@@ -150,7 +151,7 @@ def _add_manual(manual: Mapping[str, str], root: Path) -> None:
             write(root / path, text.encode())
 
 
-def _describe(root: Path, control: str, scripts: Path) -> None:
+def _describe(root: Path, control: str, scripts: Path | None) -> None:
     paths = sorted(path for path in root.rglob("*") if path.is_file() and not path.is_symlink())
     sums = {path: hashlib.md5(path.read_bytes()).hexdigest() for path in paths}
     names = {path: path.relative_to(root).as_posix() for path in paths}
@@ -160,7 +161,7 @@ def _describe(root: Path, control: str, scripts: Path) -> None:
     write(about / "conffiles", "".join(f"/{name}\n" for name in conffiles).encode())
     rows = [f"{digest}  {names[path]}\n" for path, digest in sums.items() if names[path] not in conffiles]
     write(about / "md5sums", "".join(rows).encode())
-    for script in (scripts / name for name in SCRIPTS):
+    for script in (scripts / name for name in SCRIPTS if scripts):
         if script.exists():
             write(about / script.name, script.read_bytes())
             (about / script.name).chmod(0o755)

@@ -2,28 +2,33 @@
 
 import shutil
 import sys
+from contextlib import closing
 from pathlib import Path
 
 from image.errors import ImageError
 from image.packages import native_architecture
-from image.program import binary, deb, licences, programs
+from image.program import binary, deb, developer, licences, programs
 from image.program.contents import layers
 from image.program.programs import Artefact
 from image.project import PROJECT, epoch, version
+from image.step import Steps
 from image.tool import run
 
 BUILT = PROJECT / "build/deb"
+WHEELS = PROJECT / "build/wheels"  # made by .ci/wheels
+STEPS = PROJECT / "build/developer"
 _PYTHON = """
 import sysconfig
 print(sysconfig.get_path("purelib"), sysconfig.get_path("stdlib"), sysconfig.get_config_var("MULTIARCH"), sep="\\n")
 """
 
 
-def make(directory: Path, python: Path, to: Path = BUILT) -> list[Artefact]:
-    """Make both packages in an empty folder, with checksums.
+def make(directory: Path, python: Path, tree: Path, to: Path = BUILT) -> list[Artefact]:
+    """Make the packages in an empty folder, with the wheels and checksums.
 
     directory  captain as a directory, of this machine's interpreter and C library.
     python     interpreter of the environment that it was frozen from.
+    tree       files of captain-dev, a result of developer.installed().
 
     Raises ImageError if a step fails.
     """
@@ -33,7 +38,12 @@ def make(directory: Path, python: Path, to: Path = BUILT) -> list[Artefact]:
     package = to / f"captain_{version()}_{processor}.deb"
     deb.make(directory, processor, version(), documents(directory, python), epoch(), package)
     said = run([directory / "captain", "--version"]).strip()
-    made = [programs.of_directory(package, directory, said), programs.of_box(to)]
+    made = [
+        programs.of_directory(package, directory, said),
+        programs.of_box(to),
+        programs.of_developer(tree, processor, to),
+        *(Artefact(Path(shutil.copy(path, to))) for path in sorted(WHEELS.glob("*.whl"))),
+    ]
     programs.write_sums(made, to)
     return made
 
@@ -56,7 +66,9 @@ def documents(directory: Path, python: Path) -> dict[str, bytes]:
 
 def main() -> int:
     try:
-        made = make(binary.make()[0], binary.FREEZER)
+        with closing(Steps(STEPS)) as steps:
+            tree = developer.installed(steps, "installed", run(["gcc", "-print-multiarch"]).strip())
+            made = make(binary.make()[0], binary.FREEZER, tree)
     except ImageError as error:
         print(f"deb: {error}", file=sys.stderr)
         return 1

@@ -9,8 +9,8 @@ from typing import NamedTuple
 from image import checksum
 from image.description import Description
 from image.errors import ImageError
-from image.packages import Archive, Package, native_architecture, read_list, write_list
-from image.program import box, deb, freezing, frozen
+from image.packages import Archive, Package, native_architecture, paths, read_list, write_list
+from image.program import box, container, deb, developer, freezing, frozen
 from image.program.contents import layers
 from image.program.translated import C_LIBRARY
 from image.project import epoch, version
@@ -20,6 +20,7 @@ from image.tool import run
 HERE = Path(__file__).parents[1]
 PROCESSORS = (frozen.X86_64, frozen.AARCH64)
 SUMS = "SHA256SUMS"
+_CONTAINER = "-container.json"  # end of the names of lists
 FOLDER = "programs"  # folder of fetched and made files, within that of the card
 
 
@@ -75,12 +76,17 @@ class Programs:
         self.steps.close()
 
     def make(self, to: Path, upgrade: bool = False) -> list[Artefact]:
-        """Make one file and one Debian package per processor, and run each once; then captain-box for both.
+        """Make one file, two Debian packages and an OCI image per processor; then captain-box for both.
+
+        Each program runs once.
 
         upgrade  use the newest packages instead of a kept set.
         """
         to.mkdir(parents=True, exist_ok=True)
-        chosen = self._chosen(upgrade)
+        lists = self._lists(upgrade)
+        chosen = {
+            name: freezing.Chosen(read_list(lists / f"{name}.json"), self._files(name)) for name in self._archives
+        }
         here = chosen[native_architecture()]
         made = []
         for processor in PROCESSORS:
@@ -89,20 +95,25 @@ class Programs:
             check_c_library(directory, chosen[processor.debian].packages)
             root = self.steps.folder / processor.debian / "freezer/root"
             made += _handed_out(directory, root.resolve(), processor, to)
+            tree = developer.installed(self.steps, f"{processor.debian}/developer", processor.triple)
+            check_c_library(tree, chosen[processor.debian].packages)
+            made.append(of_developer(tree, processor.debian, to))
+            beside = paths(self._files(processor.debian), read_list(lists / f"{processor.debian}{_CONTAINER}"))
+            made.append(_image(beside, processor.debian, to))
         return [*made, of_box(to)]
 
-    def _chosen(self, upgrade: bool) -> dict[str, freezing.Chosen]:
-        """Choose packages by architecture, fetch them, and verify their hashes."""
+    def _lists(self, upgrade: bool) -> Path:
+        """Choose packages by architecture, fetch them, verify their hashes; return the folder of the lists."""
         names = self._description.release.packages
 
         def make(folder: Path) -> None:
             for architecture, archive in self._archives.items():
                 archive.update()
                 write_list(folder / f"{architecture}.json", archive.closed(names))
+                write_list(folder / f"{architecture}{_CONTAINER}", archive.alone(container.PACKAGES))
 
-        words = json.dumps([str(self._description.released), *names, *sorted(self._archives)])
-        lists = self.steps.made("packages", [words, HERE / "packages.py"], make, forced=upgrade)
-        return {name: freezing.Chosen(read_list(lists / f"{name}.json"), self._files(name)) for name in self._archives}
+        words = json.dumps([str(self._description.released), *names, *sorted(self._archives), *container.PACKAGES])
+        return self.steps.made("packages", [words, HERE / "packages.py"], make, forced=upgrade)
 
     def _files(self, architecture: str) -> Path:
         return self.steps.folder / "archives" / architecture / "archives"
@@ -122,10 +133,10 @@ def check_c_library(directory: Path, packages: list[Package]) -> None:
 
 
 def write_sums(artefacts: list[Artefact], to: Path) -> None:
-    """Write the checksums, and remove other files from the folder."""
+    """Write the checksums, and remove other files from the folder; folders in it stay."""
     names = {artefact.path.name for artefact in artefacts}
     for path in to.iterdir():  # files of an earlier version
-        if path.name not in names:
+        if path.name not in names and not path.is_dir():
             path.unlink()
     (to / SUMS).write_text(checksum.sums(each.path for each in artefacts))
 
@@ -147,10 +158,25 @@ def _handed_out(directory: Path, root: Path, processor: frozen.Processor, to: Pa
     return [Artefact(program, layers.MOST_MB_OF_FILE, of_file), of_directory(package, directory, of_package)]
 
 
+def _image(beside: list[Path], architecture: str, to: Path) -> Artefact:
+    """Make the OCI image of the station's package. beside: the root's other packages."""
+    name = f"captain-{version()}-{architecture}.oci.tar"
+    package = to / f"captain_{version()}_{architecture}.deb"
+    container.make([*beside, package], architecture, epoch(), to / name)
+    return Artefact(to / name)
+
+
 def of_box(to: Path) -> Artefact:
     """Make the Debian package captain-box in a folder. Raises ImageError if that fails."""
     package = to / f"{box.NAME}_{version()}_all.deb"
     box.make(version(), epoch(), package)
+    return Artefact(package)
+
+
+def of_developer(tree: Path, architecture: str, to: Path) -> Artefact:
+    """Make the Debian package captain-dev in a folder. tree: its files. Raises ImageError if that fails."""
+    package = to / f"{developer.NAME}_{version()}_{architecture}.deb"
+    developer.make(tree, architecture, version(), epoch(), package)
     return Artefact(package)
 
 

@@ -1,4 +1,4 @@
-"""make programs-test: captain's programs in new Debian roots: installed by apt, run, measured beside their limits."""
+"""make programs-test: captain's programs in new Debian roots and containers: installed, run, measured."""
 
 import argparse
 import subprocess
@@ -8,9 +8,10 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from image.packages import native_architecture
 from image.program.programs import PROCESSORS, SUMS
 from image.project import version
-from tests.programs import forms, parts
+from tests.programs import containers, forms, parts
 from tests.programs.debian import APT, PROJECT, SUITES, Debian
 from tests.proof.image.rows import Row
 
@@ -49,6 +50,14 @@ def _parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Iterator[Row]]]
         for suite in suites:
             part = f"{processor.debian}, {SUITES[suite]}"
             yield part, _in_debian(suite, processor.debian, package, program)
+        if processor.debian == native_architecture() or not arguments.short:
+            image = MADE / f"captain-{version()}-{processor.debian}.oci.tar"
+            yield f"{processor.debian}, containers", _in_containers(image)
+
+
+def _in_containers(image: Path) -> Iterator[Row]:
+    with tempfile.TemporaryDirectory(prefix="captain-") as name:
+        yield from containers.rows(image, Path(name))
 
 
 def _figures(package: Path, program: Path) -> Iterator[Row]:
@@ -119,7 +128,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--only", metavar="ARCH", nargs="+", choices=names, default=names, help="amd64, arm64: this one"
     )
-    parser.add_argument("--short", action="store_true", help="Debian 12 alone")
+    parser.add_argument("--short", action="store_true", help="Debian 12 alone, containers of this processor")
     return parser.parse_args()
 
 

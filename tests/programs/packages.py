@@ -1,4 +1,4 @@
-"""make deb-test: both Debian packages in new roots: installed offline, run as their unit says, upgraded, purged."""
+"""make deb-test: the Debian packages in new roots: installed offline, run as their unit says, upgraded, purged."""
 
 import argparse
 import contextlib
@@ -13,15 +13,19 @@ from pathlib import Path
 from image import own_files
 from image.errors import ImageError
 from image.packages import native_architecture
-from image.program import box, deb
+from image.program import box, deb, developer
+from image.program.programs import PROCESSORS
 from image.project import version
 from image.tool import run
 from tests.programs import forms, parts
 from tests.programs.debian import APT, PROJECT, SUITES, Debian
+from tests.programs.wheels import CAM
 from tests.proof.image.rows import Row
 
 MADE = PROJECT / "build/deb"
 RESULTS = PROJECT / "build/deb-test/results.json"
+NAMES = ("captain", box.NAME, developer.NAME)
+PURGE = f"{APT} purge {' '.join(NAMES)}"
 DECLARED = ["passwd", "procps", "udev", "systemd", "chrony"]
 # By the control socket, which the group may use; the report port is open to all users.
 STATUS = ("captain", "status", "--control", "/run/captain/captain-5555.sock")
@@ -60,24 +64,41 @@ def main() -> int:
     return parts.show(each, RESULTS)
 
 
-def names(architecture: str) -> tuple[str, str]:
-    """Names of the files of both packages."""
-    return f"captain_{version()}_{architecture}.deb", f"{box.NAME}_{version()}_all.deb"
+def names(architecture: str) -> tuple[str, str, str]:
+    """Names of the files of NAMES."""
+    station, boxed, library = NAMES
+    own = f"{version()}_{architecture}.deb"
+    return f"{station}_{own}", f"{boxed}_{version()}_all.deb", f"{library}_{own}"
 
 
 def _rows(suite: str, architecture: str, packages: list[Path]) -> Iterator[Row]:
     with tempfile.TemporaryDirectory(prefix="captain-") as name:
         folder = Path(name)
         yield forms.floor_row("C library", forms.unpack_package(packages[0], folder / "unpacked"))
-        yield from _in_debian(Debian(suite, architecture, DECLARED, folder), packages, folder)
+        program = compiled(packages[2], architecture, folder)
+        yield from _in_debian(Debian(suite, architecture, DECLARED, folder), packages, program, folder)
 
 
-def _in_debian(debian: Debian, packages: list[Path], folder: Path) -> Iterator[Row]:
+def compiled(package: Path, architecture: str, folder: Path) -> Path:
+    """Compile the example of captain-dev by this machine's compiler for a processor, with the unpacked package alone."""
+    triple = next(each.triple for each in PROCESSORS if each.debian == architecture)
+    unpacked = folder / "developer"
+    run(["dpkg-deb", "--extract", package, unpacked])
+    described = {"PKG_CONFIG_LIBDIR": str(unpacked / f"usr/lib/{triple}/pkgconfig")}
+    flags = run(["pkg-config", "--cflags", "--libs", "captain_messages"], environment=described).split()
+    example = unpacked / f"usr/share/doc/{developer.NAME}/example/tree.c"
+    run([f"{triple}-gcc", example, "-o", folder / "tree", *flags])
+    return folder / "tree"
+
+
+def _in_debian(debian: Debian, packages: list[Path], program: Path, folder: Path) -> Iterator[Row]:
     yield _row("Debian's own packages", debian.run("sh", "-c", f"{APT} update && {APT} install {' '.join(DECLARED)}"))
     before = debian.run("sh", "-c", STATE).stdout
     inside = " ".join(debian.copy(package) for package in packages)
-    yield _row("apt installs both, offline", debian.run("sh", "-c", f"{APT} install {inside}"))
-    yield _quiet("dpkg --verify", debian.run("dpkg", "--verify", "captain", box.NAME))
+    yield _row("apt installs them, offline", debian.run("sh", "-c", f"{APT} install {inside}"))
+    yield _quiet("dpkg --verify", debian.run("dpkg", "--verify", *NAMES))
+    ended = debian.run(debian.copy(program), "cam-1.4.1", CAM)
+    yield _row("program linked with captain-dev", ended, "decodes", "2602961571" in ended.stdout)
     unit = "/usr/lib/systemd/system/captain.service"
     yield _quiet("systemd-analyze verify", debian.run("systemd-analyze", "verify", unit))
     # Debian 12's udevadm cannot verify.
@@ -94,10 +115,10 @@ def _in_debian(debian: Debian, packages: list[Path], folder: Path) -> Iterator[R
     newer = debian.copy(_later(packages[0], folder))
     yield _row("upgrade", debian.run("sh", "-c", f"{APT} install {newer}"))
     yield Row("upgrade keeps the owner's file", own.read_text().splitlines()[-1], "# mine", "# mine" in own.read_text())
-    yield _row("purge", debian.run("sh", "-c", f"{APT} purge captain {box.NAME}"))
+    yield _row("purge", debian.run("sh", "-c", PURGE))
     left = difference(before, debian.run("sh", "-c", STATE).stdout)
     yield Row("purge leaves", ", ".join(left[:3]) or "nothing", "nothing", not left)
-    yield from _of_others(debian, f"{APT} install {inside}", f"{APT} purge captain {box.NAME}")
+    yield from _of_others(debian, f"{APT} install {inside}", PURGE)
 
 
 def _of_others(debian: Debian, install: str, purge: str) -> Iterator[Row]:

@@ -15,5 +15,9 @@ def test_difference_names_what_was_added_removed_or_changed():
     assert packages.difference(before, before) == []
 
 
-def test_files_of_both_packages_have_the_version_and_their_processor():
-    assert packages.names("arm64") == (f"captain_{version()}_arm64.deb", f"captain-box_{version()}_all.deb")
+def test_files_of_all_packages_have_the_version_and_their_processor():
+    assert packages.names("arm64") == (
+        f"captain_{version()}_arm64.deb",
+        f"captain-box_{version()}_all.deb",
+        f"captain-dev_{version()}_arm64.deb",
+    )

@@ -12,6 +12,7 @@ from image import __main__, description
 from image.card import build, figures, release
 from image.card.build import CardBuild
 from image.card.figures import Figure
+from image.errors import ImageError
 from image.project import PROJECT
 from tests.said import tells
 
@@ -75,9 +76,17 @@ def test_release_is_made_of_a_verified_card_and_warns_of_a_development_key(
     monkeypatch.setattr("image.__main__.build.Build", lambda described, to: made)
     monkeypatch.setattr("image.__main__._verified", lambda *_: 0 if is_sound else 1)
     monkeypatch.setattr(release, "make", lambda *arguments: handed_out.append(arguments) or [])
-    assert __main__._release(SimpleNamespace(to=tmp_path), None) == status  # type: ignore[arg-type]
+    assert __main__._release(SimpleNamespace(to=tmp_path, key=""), None) == status  # type: ignore[arg-type]
     assert bool(handed_out) is is_sound
-    assert tells(capsys.readouterr().err, "any update", "this machine") == (kind == "development" and is_sound)
+    said = capsys.readouterr()
+    assert tells(said.err, "any update", "this machine") == (kind == "development" and is_sound)
+    assert ("apt: not signed: make release KEY=FINGERPRINT signs it\n" in said.out) is is_sound
+
+
+def test_release_with_an_unknown_key_is_refused_before_a_build(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("image.__main__.build.Build", lambda described, to: pytest.fail("built"))
+    with pytest.raises(ImageError, match="is not a fingerprint"):
+        __main__._release(SimpleNamespace(to=tmp_path, key="nobody"), None)  # type: ignore[arg-type]
 
 
 def test_release_has_a_manifest_of_the_compressed_card_in_its_checksums(

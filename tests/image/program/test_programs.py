@@ -80,10 +80,14 @@ def test_a_release_has_one_list_of_checksums_with_programs_and_card(tmp_path: Pa
         programs, "write_sums", lambda artefacts, _: written.append([row.path.name for row in artefacts])
     )
     monkeypatch.setattr(release, "_packed", lambda made, card: card.image)
-    paths = {name: card / name for name in ("bundle", "packages", "licences")}
+    monkeypatch.setattr(release.manifest, "text", lambda *_: "{}")
+    paths = {name: card / name for name in ("bundle", "packages", "licences", "manifest")}
+    signed = []
+    monkeypatch.setattr(release.repository, "make", lambda *words: signed.append(words))
     made = SimpleNamespace(description=OWN, steps=SimpleNamespace(folder=tmp_path))
-    release.make(made, SimpleNamespace(image=card / "card.img.xz", **paths), to)  # type: ignore[arg-type]
-    assert written == [["bundle", "captain.deb", "card.img.xz", "licences", "packages"]]
+    release.make(made, SimpleNamespace(image=card / "card.img.xz", **paths), to, "key")  # type: ignore[arg-type]
+    assert written == [["bundle", "captain.deb", "card.img.xz", "licences", "manifest", "packages"]]
+    assert [(words[0], words[3:]) for words in signed] == [([to / "captain.deb"], (to / "apt", "key"))]
 
 
 def test_checksums_are_those_that_sha256sum_reads(tmp_path: Path):
@@ -97,10 +101,11 @@ def test_checksums_are_those_that_sha256sum_reads(tmp_path: Path):
 
 
 def test_what_an_earlier_version_left_is_not_handed_out(tmp_path: Path):
+    (tmp_path / "apt").mkdir()
     for name in ("captain-1.deb", "captain-2.deb", "SHA256SUMS"):
         (tmp_path / name).write_text(name)
     programs.write_sums([Artefact(tmp_path / "captain-2.deb")], tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["SHA256SUMS", "captain-2.deb"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["SHA256SUMS", "apt", "captain-2.deb"]
 
 
 def test_programs_are_frozen_by_the_oldest_debians_python_and_the_card_by_its_own():
