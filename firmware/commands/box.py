@@ -125,9 +125,10 @@ def _setup(arguments: argparse.Namespace) -> int:
         _say("no setting is missing")
         return 0
     if not arguments.write:
-        board_option = f" --board {board}" if arguments.board else ""
-        firewall_option = " --firewall" if arguments.firewall else ""
-        _say(f"missing: {len(missing)}; to make them: sudo captain box setup{board_option}{firewall_option} --write")
+        given = f" --board {board}" if arguments.board else ""
+        given += f" --pi {arguments.pi}" if arguments.pi else ""
+        given += " --firewall" if arguments.firewall else ""
+        _say(f"missing: {len(missing)}; to make them: sudo captain box setup{given} --write")
         return 1
     for part in parts:
         if part.lacking():

@@ -17,7 +17,7 @@ from image.program import box, deb, developer
 from image.program.programs import PROCESSORS
 from image.project import version
 from image.tool import run
-from tests.programs import forms, parts
+from tests.programs import forms, parts, setup
 from tests.programs.debian import APT, PROJECT, SUITES, Debian
 from tests.programs.wheels import CAM
 from tests.proof.image.rows import Row
@@ -93,6 +93,7 @@ def compiled(package: Path, architecture: str, folder: Path) -> Path:
 
 def _in_debian(debian: Debian, packages: list[Path], program: Path, folder: Path) -> Iterator[Row]:
     yield _row("Debian's own packages", debian.run("sh", "-c", f"{APT} update && {APT} install {' '.join(DECLARED)}"))
+    setup.lay_out(debian)
     before = debian.run("sh", "-c", STATE).stdout
     inside = " ".join(debian.copy(package) for package in packages)
     yield _row("apt installs them, offline", debian.run("sh", "-c", f"{APT} install {inside}"))
@@ -110,6 +111,7 @@ def _in_debian(debian: Debian, packages: list[Path], program: Path, folder: Path
     yield from _running(debian)
     ended = debian.run("captain", "doctor", "--config", "/etc/captain/captain.toml", "--board", "none")
     yield _row("doctor", ended, ended.stdout.strip().splitlines()[-1], "problems: 0," in ended.stdout)
+    yield from setup.rows(debian)
     own = debian.root / "etc/captain/captain.toml"
     own.write_text(f"{own.read_text()}# mine\n")
     newer = debian.copy(_later(packages[0], folder))
@@ -117,6 +119,7 @@ def _in_debian(debian: Debian, packages: list[Path], program: Path, folder: Path
     yield Row("upgrade keeps the owner's file", own.read_text().splitlines()[-1], "# mine", "# mine" in own.read_text())
     yield _row("purge", debian.run("sh", "-c", PURGE))
     left = difference(before, debian.run("sh", "-c", STATE).stdout)
+    yield setup.reverted(debian)
     yield Row("purge leaves", ", ".join(left[:3]) or "nothing", "nothing", not left)
     yield from _of_others(debian, f"{APT} install {inside}", PURGE)
 

@@ -45,7 +45,9 @@ def test_setup_of_another_machines_card_takes_the_named_generation(machine: Mach
     cli.main(["box", "setup", "--board", "pi"])
     assert "not a Raspberry Pi, but linux,dummy-virt: no overlays\n" in capsys.readouterr().out
     cli.main(["box", "setup", "--board", "pi", "--pi", "5"])
-    assert "dtoverlay=pps-gpio" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "dtoverlay=pps-gpio" in said
+    assert said.endswith("to make them: sudo captain box setup --board pi --pi 5 --write\n")
 
 
 def test_setup_without_a_board_names_the_option(capsys: Said):
