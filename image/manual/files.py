@@ -29,7 +29,7 @@ def made(version: str, epoch: int) -> dict[str, str]:
     pages = {"captain": page.overview("captain", _SUMMARY, USAGE, GROUPS, head)}
     for verb, parser in commands.items():
         pages[f"captain-{verb}"] = page.of(parser, VERBS[verb], head)
-        _complete_paths(parser)
+        _prepare(parser, VERBS[verb])
     texts = {f"{MAN}/{name}.1": text for name, text in pages.items()}
     return texts | {path: shtab.complete(program, shell) for shell, path in COMPLETION.items()}
 
@@ -49,8 +49,12 @@ def parsers() -> tuple[argparse.ArgumentParser, dict[str, argparse.ArgumentParse
     return program, commands.choices
 
 
-def _complete_paths(parser: argparse.ArgumentParser) -> None:
+def _prepare(parser: argparse.ArgumentParser, summary: str) -> None:
+    """Give shtab the summary in place of the description, and paths; leave out choices that the help does not name."""
+    parser.description = summary  # zsh and fish show it in a line beside the command
     for action in parser._actions:
+        if action.choices and str(action.metavar).startswith("{"):
+            action.choices = [one for one in action.choices if one in str(action.metavar)]
         for beginning, complete in _PATHS.items():
             if str(action.metavar).startswith(beginning):
                 action.complete = complete  # type: ignore[attr-defined]  # shtab reads it

@@ -73,6 +73,15 @@ def test_completion_is_accepted_by_its_shell(shell: str, root: Path):
     subprocess.run([shell, "-n", root / files.COMPLETION[shell]], check=True)
 
 
+def test_choice_that_the_help_hides_is_not_completed(made: dict[str, str]):
+    assert "_shtab_captain_box_pos_0_choices=(check setup)\n" in made[files.COMPLETION["bash"]]
+
+
+def test_command_in_zsh_and_fish_is_described_by_its_summary(made: dict[str, str]):
+    assert "\n    listen:'received messages, live'\n" in made[files.COMPLETION["zsh"]]
+    assert " -a listen -d 'received messages, live'\n" in made[files.COMPLETION["fish"]]
+
+
 @pytest.mark.parametrize(
     ("typed", "shown"),
     [
