@@ -59,3 +59,8 @@ def test_the_firmware_is_asked_for_the_same_where_it_makes_the_tree():
         "dtparam=i2c_arm=on",
         "dtoverlay=uart4",
     ]
+
+
+def test_pulse_of_the_card_is_at_the_gpio_of_its_board_file():
+    board = device_tree.read_board(Path(__file__).resolve().parents[3] / f"board/boards/{OWN.board}.toml")
+    assert board["pulse"]["gpio"] == OWN.pulse_gpio
