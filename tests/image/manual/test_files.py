@@ -3,7 +3,6 @@
 import os
 import re
 import select
-import shutil
 import subprocess
 import time
 from collections.abc import Iterator
@@ -64,13 +63,6 @@ def test_files_made_on_another_terminal_are_the_same(made: dict[str, str], monke
 
 def test_files_contain_no_path_of_the_build(made: dict[str, str]):
     assert [name for name, text in made.items() if str(PROJECT) in text] == []
-
-
-@pytest.mark.parametrize("shell", files.COMPLETION)
-def test_completion_is_accepted_by_its_shell(shell: str, root: Path):
-    if not shutil.which(shell):
-        pytest.skip(f"{shell} is not installed")
-    subprocess.run([shell, "-n", root / files.COMPLETION[shell]], check=True)
 
 
 def test_choice_that_the_help_hides_is_not_completed(made: dict[str, str]):
