@@ -2,6 +2,7 @@
 
 import argparse
 import errno
+import shlex
 import sys
 import tempfile
 import time
@@ -15,7 +16,7 @@ from firmware.card.verdict import Verdict, verdict
 from firmware.config import board_file
 from firmware.printable import clean, folded
 from firmware.setup import setup
-from firmware.setup.kept import Kept
+from firmware.setup.kept import RECORD, Kept
 
 DESCRIPTION = """\
 check: checks the owner's files on the first partition of a box's card, as the
@@ -39,7 +40,7 @@ examples:
 exit codes:
   0    the box will take the files; no setting is missing
   1    the box will not, the last accepted set stays in force; a setting is
-       missing, or could not be made
+       missing, or could not be made or reverted
   2    wrong usage, or a machine that cannot have a setup
 """
 HINT = "name the mount point of the card's first partition"
@@ -125,7 +126,7 @@ def _setup(arguments: argparse.Namespace) -> int:
         _say("no setting is missing")
         return 0
     if not arguments.write:
-        given = f" --board {board}" if arguments.board else ""
+        given = f" --board {shlex.quote(board)}" if arguments.board else ""
         given += f" --pi {arguments.pi}" if arguments.pi else ""
         given += " --firewall" if arguments.firewall else ""
         _say(f"missing: {len(missing)}; to make them: sudo captain box setup{given} --write")
@@ -146,6 +147,9 @@ def _undo() -> int:
         return 0
     for line in kept.undo():
         _say(line)
+    if not kept.is_empty:
+        _say(f"not all is reverted; repeat the command, or revert the rest by hand: sudo rm /{RECORD}")
+        return 1
     _say("reverted; reboot once: sudo reboot")
     return 0
 

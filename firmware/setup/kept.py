@@ -8,13 +8,12 @@ import contextlib
 import json
 import subprocess
 from collections.abc import Callable, Iterator, Sequence
-from difflib import SequenceMatcher
 from pathlib import Path
-from typing import NamedTuple
 
 from board.runtime import state_file
 from board.runtime.errors import InterfaceError, StorageError
 from board.runtime.tool import environment
+from firmware.setup.revert import Change, left, reverted
 
 RECORD = "var/lib/captain-box/setup.json"
 MOST = 1 << 20  # octets of a file; config.txt has 2 kB
@@ -35,13 +34,6 @@ def run(words: Sequence[str]) -> None:
     if ended.returncode != 0:
         said = (ended.stderr.strip() or ended.stdout.strip()).splitlines()
         raise InterfaceError(f"{' '.join(words)}: {said[-1] if said else f'exit status {ended.returncode}'}")
-
-
-class Change(NamedTuple):
-    """Change of one file. before: None if the file was absent."""
-
-    before: bytes | None
-    after: bytes
 
 
 class Kept:
@@ -72,7 +64,8 @@ class Kept:
     def write(self, name: str, after: bytes) -> None:
         """Replace a file, and keep its former content. Raises StorageError if that fails."""
         now, old = self.read(name), self._changes.get(name)
-        if old is not None and now is not None:  # a second setup: later changes of the owner are not ours
+        # A second setup: later changes of the owner are not ours. After a power cut, the change may not be made yet.
+        if old is not None and now not in (None, old.before):
             now = old.before if now == old.after else reverted(now, old, name)
         self._changes[name] = Change(now, after)
         self._save()
@@ -95,27 +88,39 @@ class Kept:
             self._run(["systemctl", "daemon-reload"])
 
     def undo(self) -> Iterator[str]:
-        """Revert all changes, and yield a line on each. Raises StationError if one fails; the record keeps the rest."""
-        for name in reversed(list(self._changes)):
-            yield f"/{name}: {self._revert(name, self._changes[name])}"
-            del self._changes[name]
-            self._save()
-        self.reload()
-        while self._undo:
-            words = self._undo[-1]
+        """Revert all changes, and yield a line on each; the record keeps those that fail.
+
+        Raises StationError if a file cannot be written, or systemd does not read its units.
+        """
+        for name, change in reversed(list(self._changes.items())):
             try:
-                self._run(words)
-                yield " ".join(words)
+                said = self._revert(name, change)
             except InterfaceError as error:
                 yield f"failed: {error.message}"
-            self._undo.pop()
+                continue
+            del self._changes[name]
             self._save()
-        state_file.forget(self._record)
-        with contextlib.suppress(OSError):
-            self._record.parent.rmdir()
+            yield f"/{name}: {said}"
+        self.reload()
+        for words in reversed(list(self._undo)):
+            try:
+                self._run(words)
+            except InterfaceError as error:
+                yield f"failed: {error.message}"
+                continue
+            self._undo.remove(words)
+            self._save()
+            yield " ".join(words)
+        if self.is_empty:
+            state_file.forget(self._record)
+            with contextlib.suppress(OSError):
+                self._record.parent.rmdir()
 
     def _revert(self, name: str, change: Change) -> str:
+        """Revert the change of a file; return the result. Raises InterfaceError if a line of the setup stays."""
         now = self.read(name)
+        if now is None and change.before is not None:
+            return "is absent: nothing to revert"
         if now is None or now == change.before:
             return "is as before"
         is_ours = now == change.after
@@ -127,6 +132,10 @@ class Kept:
                     (self.root / name).parent.rmdir()
             return "removed"
         self._put(name, then)
+        if not is_ours and (line := left(then, change, name)):
+            raise InterfaceError(f"/{name}: could not be reverted: {line} is still there")
+        if then == now:
+            return "changed since the setup: has none of its lines"
         return "as before" if is_ours else "changed since the setup: only its own lines are removed"
 
     def _put(self, name: str, octets: bytes) -> None:
@@ -166,38 +175,3 @@ class Kept:
 def is_running(root: Path) -> bool:
     """Return True if systemd runs in this root: sd_booted(3)."""
     return (root / "run/systemd/system").is_dir()
-
-
-def reverted(now: bytes, change: Change, name: str) -> bytes:
-    """Return a file without a change, with all that others have changed since.
-
-    The units are lines; those of cmdline.txt, which is one line, are its words.
-    """
-    if name.endswith("cmdline.txt"):
-        line = now.rstrip(b"\r\n")
-        before, after = ((octets or b"").rstrip(b"\r\n").split(b" ") for octets in change)
-        return b" ".join(_reverted(line.split(b" "), before, after)) + now[len(line) :]
-    before, after = ((octets or b"").splitlines(keepends=True) for octets in change)
-    return b"".join(_reverted(now.splitlines(keepends=True), before, after))
-
-
-def _reverted(units: list[bytes], before: list[bytes], after: list[bytes]) -> list[bytes]:
-    for kind, first, last, begin, end in reversed(SequenceMatcher(None, before, after, False).get_opcodes()):
-        if kind == "equal":
-            continue
-        ours = after[begin:end]
-        at = _place(units, ours) if ours else _after(units, after[:begin])
-        if at is not None:
-            units[at : at + len(ours)] = before[first:last]
-    return units
-
-
-def _place(units: list[bytes], ours: list[bytes]) -> int | None:
-    """Return the last index of a run of units; None if it is absent."""
-    places = range(len(units) - len(ours), -1, -1)
-    return next((at for at in places if units[at : at + len(ours)] == ours), None)
-
-
-def _after(units: list[bytes], above: list[bytes]) -> int:
-    """Return the index after the unit above; 0 without it."""
-    return units.index(above[-1]) + 1 if above and above[-1] in units else 0

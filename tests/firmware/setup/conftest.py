@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 
 from board.runtime.errors import InterfaceError
+from firmware.setup import setup
+from firmware.setup.kept import Kept
 
 # The end of the file of Raspberry Pi OS Bookworm: the last filter is not [all].
 CONFIG = (
@@ -14,6 +16,23 @@ CONFIG = (
 COMMAND_LINE = "console=serial0,115200 console=tty1 root=PARTUUID=1-02 rootwait cfg80211.ieee80211_regdom=DE\n"
 DEFAULTS = "# Board of this machine.\nCAPTAIN_BOARD=none\nCAPTAIN_OPTIONS=\n"
 GROUPS = "root:x:0:\ndialout:x:20:me,captain\ngpio:x:986:captain\ni2c:x:994:me\npps:x:995:captain\n"
+
+# A receiver at the header's first UART, a sensor at a second I2C bus.
+MINE = """
+name = "mine"
+[buses.main]
+path = "/dev/i2c-1"
+[buses.second]
+path = "/dev/i2c-3"
+[pulse]
+device = "/dev/pps0"
+gpio = 17
+edge = "falling"
+[interfaces.gnss]
+driver = "zed_f9p"
+port = "{port}"
+"""
+CAPTAIN_TXT, CONFIG_TXT, CMDLINE = (f"boot/firmware/{name}.txt" for name in ("captain", "config", "cmdline"))
 
 
 class Machine:
@@ -74,6 +93,26 @@ class Machine:
             if row[0] == group:
                 row[3] = ",".join(change(list(filter(None, row[3].split(",")))))
         self.write("etc/group", "".join(":".join(row) + "\n" for row in rows))
+
+
+def mine(machine: Machine, port: str = "/dev/serial0") -> str:
+    return str(machine.write("etc/captain/mine.toml", MINE.format(port=port)))
+
+
+def lines(machine: Machine, board: str = "pi", pi: int = 4, has_firewall: bool = False) -> list[str]:
+    parts = setup.parts(Kept(machine.root, machine.run), board, pi, has_firewall)
+    return [f"{one.file}: {one.line}" for one in setup.lacking(parts)]
+
+
+def make(machine: Machine, board: str = "pi", pi: int = 4, has_firewall: bool = False) -> None:
+    kept = Kept(machine.root, machine.run)
+    for part in setup.parts(kept, board, pi, has_firewall):
+        if part.lacking():
+            part.make(kept)
+
+
+def undo(machine: Machine) -> list[str]:
+    return list(Kept(machine.root, machine.run).undo())
 
 
 @pytest.fixture

@@ -40,6 +40,23 @@ def test_setup_written_then_undone_says_to_reboot(machine: Machine, capsys: Said
     assert capsys.readouterr().out == "no settings of captain box setup are made\n"
 
 
+def test_undo_that_fails_names_the_failure_and_the_remedy(machine: Machine, capsys: Said):
+    cli.main(["box", "setup", "--board", "pi", "--write"])
+    machine.fails = "gpasswd"
+    assert cli.main(["box", "setup", "--undo"]) == 1
+    *_, failed, last = capsys.readouterr().out.splitlines()
+    assert failed == "failed: gpasswd --delete captain i2c: failed"
+    assert last.endswith("or revert the rest by hand: sudo rm /var/lib/captain-box/setup.json")
+
+
+def test_command_to_make_the_settings_has_all_options(machine: Machine, capsys: Said):
+    board = machine.root.parent / "my board.toml"
+    board.write_text('name = "mine"\n')
+    cli.main(["box", "setup", "--board", str(board), "--pi", "5", "--firewall"])
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.endswith(f"sudo captain box setup --board '{board}' --pi 5 --firewall --write")
+
+
 def test_setup_of_another_machines_card_takes_the_named_generation(machine: Machine, capsys: Said):
     machine.write("proc/device-tree/model", "linux,dummy-virt\0")
     cli.main(["box", "setup", "--board", "pi"])
