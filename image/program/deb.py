@@ -83,7 +83,7 @@ def make(
         root = Path(name) / "package"
         _lay_out(program, documents, root)
         _add_manual(files.made(version, epoch), root)
-        relations = f"Depends: libc6 (>= {c_library(root / PLACE)}), passwd, procps\nRecommends: chrony"
+        relations = f"Depends: libc6 (>= {c_library(root / PLACE)}), passwd, procps, zlib1g\nRecommends: chrony"
         build(root, About("captain", version, architecture, relations, _SYNOPSIS, _DESCRIPTION), FILES, epoch, target)
 
 

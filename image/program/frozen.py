@@ -73,7 +73,7 @@ def inputs() -> list[Path]:
 
 def messages_inputs() -> list[str | Path]:
     """Return the input files of the module of all messages."""
-    found = [path for path in (PROJECT / "asn1").rglob("*") if path.is_file() and path.suffix != ".pyc"]
+    found = [path for path in (PROJECT / "asn1").rglob("*") if path.is_file() and path.suffix not in (".pyc", ".md")]
     return sorted([*found, Path(__file__)])
 
 

@@ -28,7 +28,7 @@ def test_everything_in_it_is_roots_and_nothing_may_be_written_by_others(made: Pa
 def test_it_says_what_it_is_and_which_c_library_it_needs(program: Path, made: Path):
     said = run(["dpkg-deb", "--field", made])
     assert f"Package: captain\nVersion: 1.2.3\nArchitecture: {MACHINE}\n" in said
-    assert f"Depends: libc6 (>= {deb.c_library(program)}), passwd, procps\n" in said
+    assert f"Depends: libc6 (>= {deb.c_library(program)}), passwd, procps, zlib1g\n" in said
     assert deb.c_library(program).startswith("2.")
 
 
