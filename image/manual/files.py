@@ -16,7 +16,7 @@ COMPLETION = {
 }
 _SUMMARY = "station software of a V2X box: every radio behind one ZeroMQ endpoint"
 # Beginnings of the placeholders of arguments that shells complete as paths.
-_PATHS = {"FILE": shtab.FILE, "PATH": shtab.FILE, "WHAT": shtab.FILE, "DIR": shtab.DIR, "FOLDER": shtab.DIR}
+_PATHS = dict.fromkeys(("BOARD", "FILE", "PATH", "WHAT"), shtab.FILE) | {"DIR": shtab.DIR, "FOLDER": shtab.DIR}
 
 
 def made(version: str, epoch: int) -> dict[str, str]:
@@ -56,5 +56,5 @@ def _prepare(parser: argparse.ArgumentParser, summary: str) -> None:
         if action.choices and str(action.metavar).startswith("{"):
             action.choices = [one for one in action.choices if one in str(action.metavar)]
         for beginning, complete in _PATHS.items():
-            if str(action.metavar).startswith(beginning):
+            if str(action.metavar or action.dest.upper()).startswith(beginning):
                 action.complete = complete  # type: ignore[attr-defined]  # shtab reads it

@@ -19,7 +19,7 @@ USER = 10001  # above the logins of a host; the image has no other user
 PORTS = range(5555, 5560)
 CONFIGURATION = "/etc/captain/captain.toml"
 STATE, RUN = "/var/lib/captain", "/run/captain"
-LEFT_OUT = ("build", "usr/share/man", "usr/share/lintian")
+LEFT_OUT = (frozen.WORK, "usr/share/man", "usr/share/lintian")
 
 _ACCOUNTS = {
     "etc/passwd": f"root:x:0:0:root:/root:/usr/sbin/nologin\ncaptain:x:{USER}:{USER}::{STATE}:/usr/sbin/nologin\n",
@@ -73,13 +73,9 @@ def _pack(root: Path, layout: Path, architecture: str, date: str) -> None:
     run(["umoci", "new", *image])
     run(["umoci", "insert", *image, "--history.created", date, root, "/"])
     ports = [word for port in PORTS for word in ("--config.exposedports", f"{port}/tcp")]
-    start = ["--config.entrypoint", "captain", *_words("--config.cmd", "run", "--config", CONFIGURATION)]
+    start = ["--config.entrypoint", "captain", *(f"--config.cmd={word}" for word in ("run", "--config", CONFIGURATION))]
     places = ["--config.env", "PATH=/usr/bin", "--config.env", f"STATE_DIRECTORY={STATE}", "--config.volume", STATE]
     dates = ["--created", date, "--history.created", date]
     about = ["--architecture", architecture, "--config.user", f"{USER}:{USER}", "--config.stopsignal", "SIGTERM"]
     run(["umoci", "config", *image, *about, *ports, *start, *places, *dates])
     run(["umoci", "gc", "--layout", layout])  # blobs of the steps before
-
-
-def _words(option: str, *values: str) -> list[str]:
-    return [f"{option}={value}" for value in values]

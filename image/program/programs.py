@@ -20,7 +20,7 @@ from image.tool import run
 HERE = Path(__file__).parents[1]
 PROCESSORS = (frozen.X86_64, frozen.AARCH64)
 SUMS = "SHA256SUMS"
-_CONTAINER = "-container.json"  # end of the names of lists
+_CONTAINER_LIST = "-container.json"  # list of the packages in the OCI image
 FOLDER = "programs"  # folder of fetched and made files, within that of the card
 
 
@@ -94,12 +94,13 @@ class Programs:
             directory = steps.program(chosen[processor.debian], here) / "captain"
             check_c_library(directory, chosen[processor.debian].packages)
             root = self.steps.folder / processor.debian / "freezer/root"
-            made += _handed_out(directory, root.resolve(), processor, to)
+            program, package = _handed_out(directory, root.resolve(), processor, to)
+            made += [program, package]
             tree = developer.installed(self.steps, f"{processor.debian}/developer", processor.triple)
             check_c_library(tree, chosen[processor.debian].packages)
             made.append(of_developer(tree, processor.debian, to))
-            beside = paths(self._files(processor.debian), read_list(lists / f"{processor.debian}{_CONTAINER}"))
-            made.append(_image(beside, processor.debian, to))
+            beside = paths(self._files(processor.debian), read_list(lists / f"{processor.debian}{_CONTAINER_LIST}"))
+            made.append(_image([*beside, package.path], processor.debian, to))
         return [*made, of_box(to)]
 
     def _lists(self, upgrade: bool) -> Path:
@@ -110,7 +111,7 @@ class Programs:
             for architecture, archive in self._archives.items():
                 archive.update()
                 write_list(folder / f"{architecture}.json", archive.closed(names))
-                write_list(folder / f"{architecture}{_CONTAINER}", archive.alone(container.PACKAGES))
+                write_list(folder / f"{architecture}{_CONTAINER_LIST}", archive.alone(container.PACKAGES))
 
         words = json.dumps([str(self._description.released), *names, *sorted(self._archives), *container.PACKAGES])
         return self.steps.made("packages", [words, HERE / "packages.py"], make, forced=upgrade)
@@ -158,12 +159,10 @@ def _handed_out(directory: Path, root: Path, processor: frozen.Processor, to: Pa
     return [Artefact(program, layers.MOST_MB_OF_FILE, of_file), of_directory(package, directory, of_package)]
 
 
-def _image(beside: list[Path], architecture: str, to: Path) -> Artefact:
-    """Make the OCI image of the station's package. beside: the root's other packages."""
-    name = f"captain-{version()}-{architecture}.oci.tar"
-    package = to / f"captain_{version()}_{architecture}.deb"
-    container.make([*beside, package], architecture, epoch(), to / name)
-    return Artefact(to / name)
+def _image(packages: list[Path], architecture: str, to: Path) -> Artefact:
+    image = to / f"captain-{version()}-{architecture}.oci.tar"
+    container.make(packages, architecture, epoch(), image)
+    return Artefact(image)
 
 
 def of_box(to: Path) -> Artefact:

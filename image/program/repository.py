@@ -12,19 +12,20 @@ from image.program import deb
 from image.tool import run
 
 SUITE, COMPONENT = "stable", "main"
+SIGNING = "is it there (gpg --list-secret-keys), not expired, and its passphrase known (export GPG_TTY=$(tty))?"
 KEY = "captain.asc"  # public key beside the lists, for signed-by of apt's sources
 
 
 def check(key: str) -> None:
-    """Check that gpg can sign, before the long steps of a release. Raises ImageError without the secret key."""
+    """Sign a text, before the long steps of a release. Raises ImageError if gpg cannot sign."""
     if not re.fullmatch("[0-9A-Fa-f]{40}", key):
         raise ImageError(
             f"KEY: {key[:60]!r} is not a fingerprint", "gpg --list-secret-keys prints fingerprints of 40 digits"
         )
     try:
-        run(["gpg", "--batch", "--list-secret-keys", key])
+        run(["gpg", "--batch", "--local-user", key, "--clear-sign"], given="captain\n")
     except ImageError as error:
-        raise ImageError(f"KEY: {key}: gpg has no such secret key", "gpg --list-secret-keys prints its keys") from error
+        raise ImageError(f"KEY: {key}: gpg of root cannot sign with it: {error.message}", SIGNING) from error
 
 
 def make(packages: Sequence[Path], architectures: Sequence[str], epoch: int, to: Path, key: str = "") -> None:

@@ -62,7 +62,7 @@ def test_composed_stations_differ_in_name_and_ports_only():
 
 def test_composed_stations_have_the_images_user_files_and_check():
     station = SERVICES["a"]
-    assert f"{container.RUN}:uid={container.USER},gid={container.USER},mode=0750" in station["tmpfs"]
+    assert station["tmpfs"] == ["/tmp:mode=1777"]  # Podman takes neither uid nor gid
     files = [volume.split(":") for service in SERVICES.values() for volume in service["volumes"]]
     assert all((container.FILES / source).is_file() and mode == "ro" for source, _, mode in files)
     assert [place for _, place, _ in files[1:]] == [container.CONFIGURATION] * 2

@@ -105,7 +105,7 @@ def test_lists_of_equal_packages_are_equal(packages: list[Path], tmp_path: Path)
 
 def test_key_without_secret_part_or_not_a_fingerprint_is_refused(key: str):
     repository.check(key)
-    with pytest.raises(ImageError, match="gpg has no such secret key"):
+    with pytest.raises(ImageError, match="cannot sign"):
         repository.check("0" * 40)
     with pytest.raises(ImageError, match="is not a fingerprint"):
         repository.check("captain@example.org")
