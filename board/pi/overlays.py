@@ -10,8 +10,18 @@ from board.description import Hardware
 
 # `Raspberry Pi 400` and `Raspberry Pi Compute Module 4` have the chip of a 4; a 500 and a Compute Module 5 that of a 5.
 _MODEL = re.compile(r"Raspberry Pi (?:Compute Module |Zero )?(\d)?")
+_FILTER = re.compile(r"Raspberry Pi (Compute Module )?(\d+S?)")
 _I2C_4, _I2C_5 = range(3, 7), (0, 2, 3)  # buses with an overlay of their own
 _UARTS_4, _UARTS_5 = range(2, 6), range(5)
+# GPIOs of a line without parameters.
+GPIOS = {
+    "enable_uart=1": (14, 15), "dtparam=i2c_arm=on": (2, 3), "dtparam=i2c_vc=on": (0, 1),
+    "dtoverlay=i2c3": (4, 5), "dtoverlay=i2c4": (8, 9), "dtoverlay=i2c5": (12, 13), "dtoverlay=i2c6": (22, 23),
+    "dtoverlay=uart2": (0, 1), "dtoverlay=uart3": (4, 5), "dtoverlay=uart4": (8, 9), "dtoverlay=uart5": (12, 13),
+    "dtoverlay=i2c0-pi5": (0, 1), "dtoverlay=i2c2-pi5": (4, 5), "dtoverlay=i2c3-pi5": (6, 7),
+    "dtoverlay=uart0-pi5": (14, 15), "dtoverlay=uart1-pi5": (0, 1), "dtoverlay=uart2-pi5": (4, 5),
+    "dtoverlay=uart3-pi5": (8, 9), "dtoverlay=uart4-pi5": (12, 13),
+}  # fmt: skip
 
 
 def generation(model: str) -> int:
@@ -21,6 +31,16 @@ def generation(model: str) -> int:
     """
     found = _MODEL.match(model)
     return int(found[1] or 1) if found else 0
+
+
+def filters(model: str, pi: int) -> tuple[str, ...]:
+    """Return the filters of config.txt below which a Raspberry Pi reads: all, pi4 and cm4 for a Compute Module 4.
+
+    model  name of the machine in its device tree; another generation than pi: only the filter of the generation.
+    """
+    found = _FILTER.match(model)
+    own = [f"{'cm' if found[1] else 'pi'}{found[2].lower()}"] if found and generation(model) == pi else []
+    return tuple(dict.fromkeys(["all", f"pi{pi}", *own]))
 
 
 def lines(hardware: Hardware, ports: Mapping[str, str], pi: int) -> dict[str, str]:
@@ -42,6 +62,18 @@ def lines(hardware: Hardware, ports: Mapping[str, str], pi: int) -> dict[str, st
         for line in uart(port.removeprefix("/dev/"), pi):
             found.setdefault(line, key)
     return found
+
+
+def used_twice(users: Mapping[str, str]) -> tuple[int, str, str] | None:
+    """Return the first GPIO that two lines use, with their users; None without one. users: names by line."""
+    taken: dict[int, str] = {}
+    for line, user in users.items():
+        _, at_gpio, number = line.partition("gpiopin=")
+        for gpio in (int(number.partition(",")[0]),) if at_gpio else GPIOS.get(line, ()):
+            if gpio in taken:
+                return gpio, taken[gpio], user
+            taken[gpio] = user
+    return None
 
 
 def pulse(gpio: int, is_falling: bool = False) -> str:

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from board.pi import overlays
-from board.runtime.errors import UsageError
+from board.runtime.errors import ConfigurationError, UsageError
 from firmware.config import board_file
 from firmware.config.board_file import Board
 from firmware.setup.config_txt import ConfigTxt
@@ -16,8 +16,8 @@ from firmware.setup.setting import Part, Setting
 
 CARD = "run/captain-image"  # only on the card of a box
 MODEL = "proc/device-tree/model"
-BOOT = ("boot/firmware", "boot")  # since Raspberry Pi OS Bookworm, and before
-HOMES = ("/home", "/root", "/run/user")  # ProtectHome= of the service
+BOOT = "boot/firmware"
+HIDDEN = ("/home", "/root", "/run/user", "/tmp", "/var/tmp")  # ProtectHome= and PrivateTmp= of the service
 
 
 def is_for(root: Path) -> bool:
@@ -52,7 +52,7 @@ def board_name(kept: Kept, wanted: str | None) -> str:
     if path.parent == board_file.BOARDS:
         return wanted
     name = str(path.absolute())
-    if any(Path(name).is_relative_to(home) for home in HOMES):
+    if any(Path(name).is_relative_to(folder) for folder in HIDDEN):
         raise UsageError(f"--board: {name}: the service may not read this folder", f"sudo cp {name} /etc/captain/")
     return name
 
@@ -64,18 +64,22 @@ def parts(kept: Kept, board: str, pi: int, has_firewall: bool = False) -> list[P
     pi            generation of the Raspberry Pi; 0: another machine, which has no config.txt.
     has_firewall  the firewall is a part, too.
 
-    Raises ConfigurationError for an invalid board file, UsageError for a Pi without config.txt.
+    Raises ConfigurationError for an invalid board file or a GPIO used twice, UsageError for a Pi without config.txt.
     """
     found: list[Part] = [BoardChoice(kept, board), Groups(kept)]
     described = board_file.load(board)
     if pi:
         ports = ports_of(described)
         lines = overlays.lines(described, ports, pi)
-        folder = next((folder for folder in BOOT if (kept.root / folder / "config.txt").exists()), "")
-        if not folder and lines:
-            raise UsageError("/boot/firmware: has no config.txt", "mount the boot partition")
-        if folder:
-            found += [ConfigTxt(kept, folder, lines, pi), Console(kept, folder, ports, pi)]
+        if twice := overlays.used_twice(lines):
+            gpio, *keys = twice
+            raise ConfigurationError(f"{' and '.join(keys)}: both use GPIO {gpio}", "choose another GPIO, bus or port")
+        has_config = (kept.root / BOOT / "config.txt").exists()
+        if lines and not has_config:
+            raise UsageError(f"/{BOOT}: has no config.txt", "mount the boot partition")
+        if has_config:
+            filters = overlays.filters(model(kept.root), pi)
+            found += [ConfigTxt(kept, BOOT, lines, filters), Console(kept, BOOT, ports, pi)]
     return [*found, Firewall(kept)] if has_firewall else found
 
 
@@ -87,10 +91,9 @@ def lacking(found: list[Part]) -> list[Setting]:
 def check_writable(root: Path) -> None:
     """Raise UsageError if the user may not write the settings, or their file system is read-only."""
     if root == Path("/") and os.geteuid() != 0:
-        raise UsageError("only root may change settings", "sudo captain box setup --write, or --undo")
-    for folder in BOOT[:1]:
-        if (root / folder).exists() and not os.access(root / folder, os.W_OK):
-            raise UsageError(f"/{folder}: is read-only", f"sudo mount -o remount,rw /{folder}")
+        raise UsageError("only root may change settings", "repeat the command with sudo")
+    if (root / BOOT).exists() and not os.access(root / BOOT, os.W_OK):
+        raise UsageError(f"/{BOOT}: is read-only", f"sudo mount -o remount,rw /{BOOT}")
 
 
 def ports_of(board: Board) -> dict[str, str]:

@@ -14,28 +14,27 @@ GPIO = "/soc/gpio@7e200000"
 
 
 class Block(NamedTuple):
-    """Block of the chip that uses two pins. node: its own node; pins: node of its pins; gpios: numbers of the pins."""
+    """Block of the chip that uses two pins. node: its own node; pins: node of its pins."""
 
     node: str
     pins: str
-    gpios: tuple[int, int]
 
 
 # BCM2711 ARM Peripherals, 2022-01-18, 5.3 (alternative functions); names of nodes as in Linux 6.12.
 I2C = {
-    1: Block("/soc/i2c@7e804000", "i2c1-gpio2", (2, 3)),
-    3: Block("/soc/i2c@7e205600", "i2c3-gpio4", (4, 5)),
-    4: Block("/soc/i2c@7e205800", "i2c4-gpio8", (8, 9)),
-    5: Block("/soc/i2c@7e205a00", "i2c5-gpio12", (12, 13)),
-    6: Block("/soc/i2c@7e205c00", "i2c6-gpio22", (22, 23)),
+    1: Block("/soc/i2c@7e804000", "i2c1-gpio2"),
+    3: Block("/soc/i2c@7e205600", "i2c3-gpio4"),
+    4: Block("/soc/i2c@7e205800", "i2c4-gpio8"),
+    5: Block("/soc/i2c@7e205a00", "i2c5-gpio12"),
+    6: Block("/soc/i2c@7e205c00", "i2c6-gpio22"),
 }
 UARTS = {
-    2: Block("/soc/serial@7e201400", "uart2-gpio0", (0, 1)),
-    3: Block("/soc/serial@7e201600", "uart3-gpio4", (4, 5)),
-    4: Block("/soc/serial@7e201800", "uart4-gpio8", (8, 9)),
-    5: Block("/soc/serial@7e201a00", "uart5-gpio12", (12, 13)),
+    2: Block("/soc/serial@7e201400", "uart2-gpio0"),
+    3: Block("/soc/serial@7e201600", "uart3-gpio4"),
+    4: Block("/soc/serial@7e201800", "uart4-gpio8"),
+    5: Block("/soc/serial@7e201a00", "uart5-gpio12"),
 }
-CONSOLE_GPIOS = (14, 15)
+CONSOLE = "enable_uart=1"
 PI = 4  # the generation whose blocks are in I2C and UARTS
 
 _PULSE = """\
@@ -118,14 +117,15 @@ def _known(blocks: dict[int, Block], number: int, name: str) -> Block:
 
 
 def _no_pin_twice(tree: DeviceTree) -> None:
-    taken = dict.fromkeys(CONSOLE_GPIOS, "the console")
-    users: list[tuple[str, tuple[int, ...]]] = [
-        *((f"i2c {number}", _known(I2C, number, "i2c").gpios) for number in tree.i2c),
-        *((f"uart {number}", _known(UARTS, number, "uarts").gpios) for number in tree.uarts),
-        *([("the pulse", (tree.pulse_gpio,))] if tree.pulse_gpio is not None else []),
-    ]
-    for user, gpios in users:
-        for gpio in gpios:
-            if gpio in taken:
-                raise ImageError(f"device_tree: GPIO {gpio} is taken by {taken[gpio]} and by {user}")
-            taken[gpio] = user
+    for number in tree.i2c:
+        _known(I2C, number, "i2c")
+    for uart in tree.uarts:
+        _known(UARTS, uart, "uarts")
+    users = {CONSOLE: "the console"}
+    users |= {pi.i2c(number, PI): f"i2c {number}" for number in tree.i2c}
+    users |= {line: f"uart {number}" for number in tree.uarts for line in pi.uart(f"ttyAMA{number}", PI)}
+    if tree.pulse_gpio is not None:
+        users[pi.pulse(tree.pulse_gpio)] = "the pulse"
+    if twice := pi.used_twice(users):
+        gpio, *names = twice
+        raise ImageError(f"device_tree: GPIO {gpio} is taken by {' and by '.join(names)}")

@@ -26,6 +26,28 @@ def test_generation_is_that_of_the_models_chip(model: str, pi: int):
 
 
 @pytest.mark.parametrize(
+    ("model", "pi", "names"),
+    [
+        ("Raspberry Pi 4 Model B Rev 1.4", 4, ("all", "pi4")),
+        ("Raspberry Pi 400 Rev 1.0", 4, ("all", "pi4", "pi400")),
+        ("Raspberry Pi Compute Module 4 Rev 1.1", 4, ("all", "pi4", "cm4")),
+        ("Raspberry Pi Compute Module 5 Rev 1.0", 5, ("all", "pi5", "cm5")),
+        ("Raspberry Pi 500 Rev 1.0", 5, ("all", "pi5", "pi500")),
+        ("Raspberry Pi 500 Rev 1.0", 4, ("all", "pi4")),
+        ("linux,dummy-virt", 5, ("all", "pi5")),
+    ],
+)
+def test_filters_are_those_of_generation_and_model(model: str, pi: int, names: tuple[str, ...]):
+    assert overlays.filters(model, pi) == names
+
+
+def test_every_line_of_a_bus_or_port_has_its_gpios():
+    made = {overlays.i2c(number, pi) for number in range(10) for pi in (4, 5)} - {""}
+    made |= {line for number in range(10) for pi in (4, 5) for line in overlays.uart(f"ttyAMA{number}", pi)}
+    assert made - {"dtoverlay=miniuart-bt"} == set(overlays.GPIOS)
+
+
+@pytest.mark.parametrize(
     ("number", "four", "five"),
     [
         (0, "dtparam=i2c_vc=on", "dtoverlay=i2c0-pi5"),

@@ -9,10 +9,9 @@ from board.runtime.errors import InterfaceError
 from firmware.setup import setup
 from firmware.setup.kept import Kept
 
-# The end of the file of Raspberry Pi OS Bookworm: the last filter is not [all].
-CONFIG = (
-    "# For more options see the documentation\ndtparam=audio=on\n\n[cm4]\notg_mode=1\n\n[pi5]\ndtoverlay=uart3-pi5\n"
-)
+# The file of Raspberry Pi OS ends with [all]; an owner's may end below another filter.
+CONFIG = "# For more options see the documentation\ndtparam=audio=on\n\n[cm4]\notg_mode=1\n\n[all]\n"
+FILTERED = f"{CONFIG}[pi5]\ndtoverlay=uart3-pi5\n"
 COMMAND_LINE = "console=serial0,115200 console=tty1 root=PARTUUID=1-02 rootwait cfg80211.ieee80211_regdom=DE\n"
 DEFAULTS = "# Board of this machine.\nCAPTAIN_BOARD=none\nCAPTAIN_OPTIONS=\n"
 GROUPS = "root:x:0:\ndialout:x:20:me,captain\ngpio:x:986:captain\ni2c:x:994:me\npps:x:995:captain\n"

@@ -6,6 +6,7 @@ from firmware import cli
 from firmware.commands import box
 from firmware.doctor import setup as doctor
 from firmware.doctor.finding import Level
+from firmware.setup import setup
 from firmware.setup.kept import Kept
 from tests.firmware.setup.conftest import Machine
 
@@ -49,7 +50,8 @@ def test_undo_that_fails_names_the_failure_and_the_remedy(machine: Machine, caps
     assert last.endswith("or revert the rest by hand: sudo rm /var/lib/captain-box/setup.json")
 
 
-def test_command_to_make_the_settings_has_all_options(machine: Machine, capsys: Said):
+def test_command_to_make_the_settings_has_all_options(machine: Machine, capsys: Said, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(setup, "HIDDEN", ())  # the board is below /tmp
     board = machine.root.parent / "my board.toml"
     board.write_text('name = "mine"\n')
     cli.main(["box", "setup", "--board", str(board), "--pi", "5", "--firewall"])

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from board.runtime.errors import UsageError
+from board.runtime.errors import ConfigurationError, UsageError
 from firmware.setup import setup
 from firmware.setup.kept import Kept
 from tests.firmware.setup.conftest import (
@@ -13,6 +13,7 @@ from tests.firmware.setup.conftest import (
     COMMAND_LINE,
     CONFIG,
     CONFIG_TXT,
+    FILTERED,
     Machine,
     lines,
     make,
@@ -30,10 +31,12 @@ def test_setup_of_a_stock_pi_names_each_setting_with_its_file(machine: Machine):
     ]
 
 
-def test_setup_made_lacks_nothing_and_is_in_force_for_all_models(machine: Machine):
+@pytest.mark.parametrize("config", [CONFIG, FILTERED])
+def test_setup_made_lacks_nothing_and_is_in_force_for_all_models(machine: Machine, config: str):
+    machine.write(CONFIG_TXT, config)
     make(machine)
     assert lines(machine) == []
-    assert machine.read(CONFIG_TXT) == f"{CONFIG}[all]\ninclude captain.txt\n"
+    assert machine.read(CONFIG_TXT) == f"{config}[all]\ninclude captain.txt\n"
     assert machine.read(CAPTAIN_TXT).splitlines()[1:] == ["dtoverlay=pps-gpio,gpiopin=18"]
     assert "\nCAPTAIN_BOARD=pi\n" in machine.read("etc/default/captain")
     assert machine.read(CMDLINE) == COMMAND_LINE
@@ -53,9 +56,49 @@ def test_overlays_of_a_raspberry_pi_5_have_other_names(machine: Machine):
 
 def test_line_that_config_txt_has_for_this_model_is_not_added(machine: Machine):
     board = mine(machine, "/dev/ttyAMA3")
-    machine.write(CONFIG_TXT, f"{CONFIG}[all]\ndtoverlay=pps-gpio,gpiopin=17,capture_clear,pull=down # mine\n")
+    machine.write(CONFIG_TXT, f"{FILTERED}[all]\ndtoverlay=pps-gpio,gpiopin=17,capture_clear,pull=down\n")
     make(machine, board, 5)
     assert machine.read(CAPTAIN_TXT).splitlines()[1:] == ["dtparam=i2c_arm=on", "dtoverlay=i2c3-pi5"]
+
+
+@pytest.mark.parametrize(
+    ("line", "port", "pi", "is_same"),
+    [
+        ("dtoverlay=disable-bt", "/dev/ttyAMA0", 4, True),
+        ("dtparam=uart0=on", "/dev/ttyAMA0", 5, True),
+        ("dtparam=i2c1=on", "/dev/ttyUSB0", 4, True),
+        ("dtoverlay=pps-gpio,pull=down", "", 4, True),
+        ("dtparam=i2c_arm=on # a part of the value", "/dev/ttyUSB0", 4, False),
+        ("#dtparam=i2c_arm=on", "/dev/ttyUSB0", 4, False),
+        ("[cm4]\ndtparam=i2c_arm=on", "/dev/ttyUSB0", 4, False),
+    ],
+)
+def test_line_of_config_txt_with_the_same_effect_is_not_added(
+    machine: Machine, line: str, port: str, pi: int, is_same: bool
+):
+    board = mine(machine, port) if port else "pi"
+    before = [one for one in lines(machine, board, pi) if "captain.txt: " in one]
+    machine.write(CONFIG_TXT, f"{CONFIG}{line}\n")
+    after = [one for one in lines(machine, board, pi) if "captain.txt: " in one]
+    assert len(before) - len(after) == is_same
+
+
+def test_line_below_the_filter_of_a_compute_module_counts_there(machine: Machine):
+    machine.write(CONFIG_TXT, f"{CONFIG}[cm4]\ndtoverlay=pps-gpio\n")
+    machine.write("proc/device-tree/model", "Raspberry Pi Compute Module 4 Rev 1.1\0")
+    assert not any("captain.txt" in line for line in lines(machine))
+
+
+def test_other_pulse_in_config_txt_is_refused_with_its_gpio(machine: Machine):
+    machine.write(CONFIG_TXT, f"{CONFIG}dtoverlay=pps-gpio,gpiopin=4\n")
+    with pytest.raises(UsageError, match="pps-gpio,gpiopin=4 has GPIO 4; the board needs") as error:
+        lines(machine)
+    assert error.value.hint == "change this line, or set pulse.gpio = 4 in a board file"
+
+
+def test_gpio_that_two_devices_of_the_board_use_is_refused_with_both_keys(machine: Machine):
+    with pytest.raises(ConfigurationError, match=r"buses\.second and interfaces\.gnss: both use GPIO 4"):
+        lines(machine, mine(machine, "/dev/ttyAMA3"))
 
 
 def test_console_stays_unless_a_module_uses_its_port(machine: Machine):
@@ -119,6 +162,40 @@ def test_firewall_that_was_enabled_is_loaded_again_with_the_owners_rules(machine
     assert link.is_symlink()
 
 
+ROUTES = """Iface Destination Gateway Flags RefCnt Use Metric Mask MTU Window IRTT
+{default} 00000000 0101A8C0 0003 0 0 100 00000000 0 0 0
+eth0 0001A8C0 00000000 0001 0 0 100 00FFFFFF 0 0 0
+wg0 0000000A 00000000 0001 0 0 0 000000FF 0 0 0
+"""
+# Local and remote address of a connection: 192.168.1.2 with 192.168.1.3, or with 10.0.0.3; fe80::2 with fe80::3.
+NEAR_SSH, FAR_SSH = "0201A8C0:0016 0301A8C0:D000 01", "0200000A:0016 0300000A:D000 01"
+IPV6_SSH = "000080FE000000000000000002000000:0016 000080FE000000000000000003000000:D000 01"
+
+
+@pytest.mark.parametrize(
+    ("default", "session", "refused"),
+    [
+        ("eth0", "", ""),
+        ("end0", "", "end0"),
+        ("wwan0", "", ""),
+        ("end0", NEAR_SSH, ""),
+        ("eth0", FAR_SSH, "wg0"),
+        ("eth0", IPV6_SSH, "enx1"),
+    ],
+)
+def test_firewall_that_would_close_ssh_is_refused(machine: Machine, default: str, session: str, refused: str):
+    machine.write("proc/net/route", ROUTES.format(default=default))
+    machine.write("proc/net/if_inet6", "fe800000000000000000000000000002 02 40 20 80 enx1\n")
+    machine.write(
+        f"proc/net/tcp{'6' if session == IPV6_SSH else ''}", f"head\n 0: {session} 0\n" if session else "head\n"
+    )
+    if not refused:
+        make(machine, has_firewall=True)
+        return
+    with pytest.raises(UsageError, match=f"--firewall: closes ssh on {refused}: permits eth0, wlan0 only"):
+        lines(machine, has_firewall=True)
+
+
 def test_firewall_without_nftables_is_refused(machine: Machine):
     (machine.root / "usr/sbin/nft").unlink()
     with pytest.raises(UsageError, match="nftables is not installed"):
@@ -127,12 +204,6 @@ def test_firewall_without_nftables_is_refused(machine: Machine):
 
 def test_machine_that_is_no_pi_gets_groups_and_board_only(machine: Machine):
     assert lines(machine, "quad", 0) == ["/etc/default/captain: CAPTAIN_BOARD=quad", "/etc/group: captain in i2c"]
-
-
-def test_config_txt_is_that_of_the_older_place_where_only_that_exists(machine: Machine):
-    (machine.root / CONFIG_TXT).unlink()
-    machine.write("boot/config.txt", CONFIG)
-    assert lines(machine)[-1] == "/boot/config.txt: include captain.txt"
 
 
 def test_pi_without_config_txt_is_refused(machine: Machine):
@@ -175,5 +246,6 @@ def test_board_is_that_of_the_service_or_the_named_one(machine: Machine, wanted:
 
 
 def test_board_file_that_the_service_may_not_read_is_refused(machine: Machine):
-    with pytest.raises(UsageError, match="the service may not read this folder"):
-        setup.board_name(Kept(machine.root), "/home/me/mine.toml")
+    for folder in ("/home/me", "/tmp", "/var/tmp"):
+        with pytest.raises(UsageError, match="the service may not read this folder"):
+            setup.board_name(Kept(machine.root), f"{folder}/mine.toml")

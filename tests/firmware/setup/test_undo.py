@@ -12,6 +12,7 @@ from tests.firmware.setup.conftest import (
     COMMAND_LINE,
     CONFIG,
     CONFIG_TXT,
+    FILTERED,
     Machine,
     lines,
     make,
@@ -126,6 +127,16 @@ def test_undo_does_not_add_a_console_that_the_owner_added_again(machine: Machine
     machine.write(CMDLINE, now)
     undo(machine)
     assert machine.read(CMDLINE) == now
+
+
+@pytest.mark.parametrize("config", [CONFIG, FILTERED])
+@pytest.mark.parametrize("later", ["", "gpu_mem=16\n"])
+def test_undo_keeps_later_lines_below_all(machine: Machine, config: str, later: str):
+    machine.write(CONFIG_TXT, config)
+    make(machine)
+    machine.write(CONFIG_TXT, machine.read(CONFIG_TXT) + later)
+    undo(machine)
+    assert machine.read(CONFIG_TXT) == (f"{config}[all]\n{later}" if later else config)
 
 
 def test_undo_after_a_change_between_two_setups_keeps_that_change(machine: Machine):

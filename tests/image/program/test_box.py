@@ -137,10 +137,13 @@ def test_purge_keeps_a_created_group_that_others_use_and_says_so(made: Path, box
     groups.write_text(re.sub("(?m)^(gpio:.*:)captain$", r"\1captain,alice", groups.read_text()))
     rules = root / "etc/udev/rules.d/90-own.rules"
     rules.parent.mkdir(parents=True)
+    record = root / "var/lib/captain-box/setup.json"  # of settings that were not reverted
+    record.write_text("{}")
     rules.write_text('KERNEL=="pps0", GROUP="pps"\nSUBSYSTEM=="i2c", GROUP="dialout"\n')
     said = dpkg(root, "--purge", "captain-box")
     assert "captain-box: group gpio stays" in said
     assert "captain-box: group pps stays" in said
+    assert [path.name for path in record.parent.iterdir()] == ["setup.json"]
     assert {line.split(":")[0] for line in groups.read_text().splitlines()} >= {"gpio", "pps"}
 
 
