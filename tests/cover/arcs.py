@@ -3,7 +3,7 @@
 usage: python -m tests.cover.arcs [--names] [--tests PATH ...] COMMIT; make arcs BEFORE=COMMIT
 
 COMMIT   an earlier one, which is checked out and set up in build/bench/before. Its report is kept in build/cover, because
-         its tests take as long as those of this tree: a quarter of an hour.
+         its tests take as long as those of this tree: half an hour.
 --names  prints the branches that were taken before and are not now, though they are still there.
 --tests  files and folders of tests. Default: all that run in this process; tests/system starts stations.
 
@@ -28,7 +28,7 @@ from tests import earlier
 from tests.cover.measured import TestsFailedError, measure
 from tests.structure import OURS
 
-IN_PROCESS = ("tests", "--ignore=tests/system", "--ignore=tests/proof")
+IN_PROCESS = ("tests", "--ignore=tests/system")
 AS_WRITTEN = argparse.RawDescriptionHelpFormatter
 
 

@@ -146,6 +146,16 @@ def test_this_is_taken_as_it_is(bench: Bench, envelope: bytes, pdu: bytes, name:
     assert (bench.router.requests, bench.router.refusals) == ([(name, pdu)], [])
 
 
+def test_drain_takes_what_has_arrived_and_nothing_once_closed(bench: Bench) -> None:
+    bench.send(*GOOD)
+    assert bench.inlet.drain(1)
+    assert bench.router.requests == [("cam", CAM_PDU)]
+    bench.send(*GOOD)
+    bench.inlet.close()
+    assert bench.inlet.drain(1)
+    assert bench.router.requests == [("cam", CAM_PDU)]
+
+
 @pytest.mark.parametrize("more", [[b""], [b"x"], [b"{}", b"{}"], [b"x"] * 50])
 def test_without_options_the_first_two_frames_are_used_and_the_rest_is_not(more: list[bytes]) -> None:
     with closing(VirtualLoop()) as loop, closing(Bench(loop, takes_options=False)) as bench:

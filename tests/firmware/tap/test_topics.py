@@ -7,6 +7,7 @@ from board.runtime.errors import ConfigurationError, RequestError
 from drivers.message import Ego, Position
 from drivers.mqtt.options import MqttOptions
 from drivers.mqtt.profile import codec, load
+from drivers.reason import Reason
 from drivers.wire.v2n.description import ProfileDescription, PublishRow
 from drivers.wire.v2n.message import Delivery, Identity
 from drivers.wire.v2n.profile import Profile
@@ -66,6 +67,12 @@ def test_of_what_nap_publishes_in_three_topics_each_message_is_taken_once() -> N
             tap.take(Delivery(one.topic, one.payload))
     assert len(sent) == 3
     assert (tap.counts.total, tap.counts.copies, tap.counts.unread) == (1, 1, {})
+
+
+def test_delivery_that_the_profile_cannot_read_is_counted_by_its_reason() -> None:
+    tap = Tap(Profile(load("raw"), TAP), TapFilter())
+    tap.take(Delivery("v2x/cam", b""))
+    assert (tap.counts.total, list(tap.counts.unread)) == (0, [Reason.EMPTY_PDU])
 
 
 def test_a_topic_that_no_vehicle_publishes_to_is_no_copy() -> None:
