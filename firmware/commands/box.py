@@ -133,7 +133,7 @@ def _setup(arguments: argparse.Namespace) -> int:
         return 1
     for part in parts:
         if part.lacking():
-            part.make(kept)
+            part.make()
     kept.reload()
     _say(f"made: {len(missing)}; reboot once: sudo reboot")
     return 0
@@ -162,9 +162,9 @@ def _check(arguments: argparse.Namespace) -> int:
     board = _board(arguments.board)
     found = _verdict(arguments.folder, board, None)
     for note in found.notes:
-        print(folded(clean(f"{'WRONG' if note.is_mistake else 'note':6} {note.text}"), sys.stdout))
+        _say(f"{'WRONG' if note.is_mistake else 'note':6} {note.text}")
     said = "the box will take it" if found.is_accepted else "the box will NOT take it"
-    print(folded(clean(f"{said}: {owner.content(found)}"), sys.stdout))
+    _say(f"{said}: {owner.content(found)}")
     return 0 if found.is_accepted else 1
 
 

@@ -41,7 +41,7 @@ class ConfigTxt:
         Raises UsageError if config.txt has another pulse, StorageError if a file cannot be read.
         """
         present = self._present()
-        wanted = {line: why for line, why in self._lines.items() if not any(_has(one, line) for one in present)}
+        wanted = self._wanted(present)
         self._check_pulse(present, wanted)
         own = _settings(self._kept.read(self._own) or b"", self._filters)
         found = [Setting(f"/{self._own}", line, why) for line, why in wanted.items() if line not in own]
@@ -52,15 +52,13 @@ class ConfigTxt:
             found.append(Setting(f"/{self._config}", INCLUDE, "puts its lines in force"))
         return found
 
-    def make(self, kept: Kept) -> None:
+    def make(self) -> None:
         """Write captain.txt, and include it. Raises StorageError if that fails."""
         present = self._present()
-        lines = [line for line in self._lines if not any(_has(one, line) for one in present)]
-        kept.write(self._own, (HEAD + "".join(f"{line}\n" for line in lines)).encode())
+        lines = self._wanted(present)
+        self._kept.write(self._own, (HEAD + "".join(f"{line}\n" for line in lines)).encode())
         if lines and INCLUDE not in present:
-            config = kept.read(self._config) or b""
-            end = b"" if config.endswith(b"\n") or not config else b"\n"
-            kept.write(self._config, config + end + f"[all]\n{INCLUDE}\n".encode())
+            self._kept.append(self._config, f"[all]\n{INCLUDE}\n".encode())
 
     def _check_pulse(self, present: list[str], wanted: Mapping[str, str]) -> None:
         """Raise UsageError if both have a pulse: the second one would be /dev/pps1."""
@@ -69,6 +67,9 @@ class ConfigTxt:
             gpio = _meaning(other).partition(_GPIO)[2].partition(",")[0]
             hint = f"change this line, or set pulse.gpio = {gpio} in a board file"
             raise UsageError(f"/{self._config}: {other} has GPIO {gpio}; the board needs {ours}", hint)
+
+    def _wanted(self, present: list[str]) -> dict[str, str]:
+        return {line: why for line, why in self._lines.items() if not any(_has(one, line) for one in present)}
 
     def _present(self) -> list[str]:
         return _settings(self._kept.read(self._config) or b"", self._filters)

@@ -33,18 +33,18 @@ class Console:
             found += [Setting(f"/{_unit(name)}", "empty, so that no login starts", key) for name in logins]
         return found
 
-    def make(self, kept: Kept) -> None:
+    def make(self) -> None:
         """Remove the consoles. Raises StorageError if that fails."""
         lacking = self.lacking()
         names = {name for of_port in self._names.values() for name in of_port}
-        now = kept.read(self._command_line) or b""
+        now = self._kept.read(self._command_line) or b""
         line = now.rstrip(b"\r\n")
         after = b" ".join(word for word in line.split(b" ") if _console(word.decode("utf-8", "replace")) not in names)
         if after != line:
-            kept.write(self._command_line, after + now[len(line) :])
+            self._kept.write(self._command_line, after + now[len(line) :])
         for one in lacking:
             if one.file != f"/{self._command_line}":
-                kept.write(one.file[1:], b"")  # an empty unit is masked: systemd.unit(5)
+                self._kept.write(one.file[1:], b"")  # an empty unit is masked: systemd.unit(5)
 
     def _words(self) -> list[str]:
         return (self._kept.read(self._command_line) or b"").decode("utf-8", "replace").split()

@@ -51,16 +51,16 @@ class Firewall:
         reason = f"on eth0 and wlan0, closes {closed}; on other networks, all ports; forwards no packets"
         return [] if is_on else [Setting(f"/{DROP_IN}", f"rules of /{RULES}", reason)]
 
-    def make(self, kept: Kept) -> None:
+    def make(self) -> None:
         """Switch it on; at once if systemd runs. Raises StationError if that fails."""
         was_enabled = self._is_enabled()
-        kept.write(DROP_IN, TEXT.encode())
-        kept.reload()
-        now = ["--now"] if is_running(kept.root) else []
+        self._kept.write(DROP_IN, TEXT.encode())
+        self._kept.reload()
+        now = ["--now"] if is_running(self._kept.root) else []
         if not was_enabled:
-            kept.run(["systemctl", "enable", *now, UNIT], ["systemctl", "disable", *now, UNIT])
+            self._kept.run(["systemctl", "enable", *now, UNIT], ["systemctl", "disable", *now, UNIT])
         elif now:
-            kept.run(["systemctl", "restart", UNIT], ["systemctl", "restart", UNIT])
+            self._kept.run(["systemctl", "restart", UNIT], ["systemctl", "restart", UNIT])
 
     def _is_enabled(self) -> bool:
         return (self._kept.root / ENABLED).is_symlink()

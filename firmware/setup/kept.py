@@ -71,6 +71,11 @@ class Kept:
         self._save()
         self._put(name, after)
 
+    def append(self, name: str, lines: bytes) -> None:
+        """Add lines at the end of a file, whose last line may lack its end. Raises StorageError if that fails."""
+        now = self.read(name) or b""
+        self.write(name, now + (b"" if now.endswith(b"\n") or not now else b"\n") + lines)
+
     def run(self, words: Sequence[str], undo: Sequence[str]) -> None:
         """Run a command, and keep the one that reverts it. Raises InterfaceError if it fails."""
         self._undo.append(list(undo))

@@ -36,13 +36,14 @@ class BoardChoice:
         why = f"the service's board; now {now}"
         return [Setting(f"/{DEFAULTS}", f"{KEY}={self._board}", why)] if now != self._board else []
 
-    def make(self, kept: Kept) -> None:
+    def make(self) -> None:
         """Write the line. Raises StorageError if that fails."""
         line = f"{KEY}={shlex.quote(self._board)}".encode()
-        now = kept.read(DEFAULTS) or b""
-        end = b"" if now.endswith(b"\n") or not now else b"\n"
-        has_line = _LINE.search(now) is not None
-        kept.write(DEFAULTS, _LINE.sub(lambda _: line, now) if has_line else now + end + line + b"\n")
+        now = self._kept.read(DEFAULTS) or b""
+        if _LINE.search(now):
+            self._kept.write(DEFAULTS, _LINE.sub(lambda _: line, now))
+        else:
+            self._kept.append(DEFAULTS, line + b"\n")
 
 
 class Groups:
@@ -59,8 +60,8 @@ class Groups:
             Setting("/etc/group", f"{USER} in {name}", "devices of the board") for name in GROUPS if name not in own
         ]
 
-    def make(self, kept: Kept) -> None:
+    def make(self) -> None:
         """Add the user to the groups. Raises InterfaceError if a group is missing."""
         for one in self.lacking():
             group = one.line.split()[-1]
-            kept.run(["usermod", "--append", "--groups", group, USER], ["gpasswd", "--delete", USER, group])
+            self._kept.run(["usermod", "--append", "--groups", group, USER], ["gpasswd", "--delete", USER, group])

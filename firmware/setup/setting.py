@@ -2,8 +2,6 @@
 
 from typing import NamedTuple, Protocol
 
-from firmware.setup.kept import Kept
-
 
 class Setting(NamedTuple):
     """A setting that the machine lacks.
@@ -28,6 +26,6 @@ class Part(Protocol):
         """Return the settings that are not made. Raises StationError if a file cannot be read."""
         ...
 
-    def make(self, kept: Kept) -> None:
+    def make(self) -> None:
         """Make them, and keep what they replace. Raises StationError if that fails; the next undo reverts the rest."""
         ...

@@ -14,7 +14,7 @@ COMPLETION = {
     "zsh": "usr/share/zsh/vendor-completions/_captain",
     "fish": "usr/share/fish/vendor_completions.d/captain.fish",
 }
-_SUMMARY = "station software of a V2X box: every radio behind one ZeroMQ endpoint"
+SUMMARY = "station software of a V2X box: every radio behind one ZeroMQ endpoint"
 # Beginnings of the placeholders of arguments that shells complete as paths.
 _PATHS = dict.fromkeys(("BOARD", "FILE", "PATH", "WHAT"), shtab.FILE) | {"DIR": shtab.DIR, "FOLDER": shtab.DIR}
 
@@ -26,7 +26,7 @@ def made(version: str, epoch: int) -> dict[str, str]:
     """
     head = page.Head(version, datetime.fromtimestamp(epoch, UTC).date().isoformat())
     program, commands = parsers()
-    pages = {"captain": page.overview("captain", _SUMMARY, USAGE, GROUPS, head)}
+    pages = {"captain": page.overview("captain", SUMMARY, USAGE, GROUPS, head)}
     for verb, parser in commands.items():
         pages[f"captain-{verb}"] = page.of(parser, VERBS[verb], head)
         _prepare(parser, VERBS[verb])

@@ -41,7 +41,6 @@ Priority: optional
 Description: {about.synopsis}
 {about.description}"""
 
-_SYNOPSIS = "station software of a V2X box: every radio behind one ZeroMQ endpoint"
 _DESCRIPTION = """\
  The station takes every radio of a box: ITS-G5, 5G, Ethernet, UDP, a serial line.
  It puts all of them behind one ZeroMQ endpoint, that of a vehicleCAPTAIN box.
@@ -84,7 +83,8 @@ def make(
         _lay_out(program, documents, root)
         _add_manual(files.made(version, epoch), root)
         relations = f"Depends: libc6 (>= {c_library(root / PLACE)}), passwd, procps, zlib1g\nRecommends: chrony"
-        build(root, About("captain", version, architecture, relations, _SYNOPSIS, _DESCRIPTION), FILES, epoch, target)
+        about = About("captain", version, architecture, relations, files.SUMMARY, _DESCRIPTION)
+        build(root, about, FILES, epoch, target)
 
 
 def build(root: Path, about: About, scripts: Path | None, epoch: int, target: Path) -> None:

@@ -107,7 +107,7 @@ def make(machine: Machine, board: str = "pi", pi: int = 4, has_firewall: bool = 
     kept = Kept(machine.root, machine.run)
     for part in setup.parts(kept, board, pi, has_firewall):
         if part.lacking():
-            part.make(kept)
+            part.make()
 
 
 def undo(machine: Machine) -> list[str]:
